@@ -1,0 +1,33 @@
+"""Recordings: readers that turn files into drives, and the registry of known files.
+
+A :class:`Drive` holds scans, the odometry between them and, where there is one, the truth; the two never mix. Every
+reader counts the lines it used, passed over and found damaged (:class:`ReadReport`).
+"""
+
+from factorloc.datasets.carmen import CarmenReader, read_carmen
+from factorloc.datasets.drive import Drive
+from factorloc.datasets.pairing import match_scans, pair_raw_with_corrected
+from factorloc.datasets.reader import READERS, Reader, open_drive
+from factorloc.datasets.registry import KNOWN_FILES, KnownFile, data_folder, known_max_range, log_name
+from factorloc.datasets.relations import Relations, read_relations
+from factorloc.datasets.report import Damage, ReadReport
+
+__all__ = [
+    "KNOWN_FILES",
+    "READERS",
+    "CarmenReader",
+    "Damage",
+    "Drive",
+    "KnownFile",
+    "ReadReport",
+    "Reader",
+    "Relations",
+    "data_folder",
+    "known_max_range",
+    "log_name",
+    "match_scans",
+    "open_drive",
+    "pair_raw_with_corrected",
+    "read_carmen",
+    "read_relations",
+]

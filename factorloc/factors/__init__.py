@@ -1,0 +1,23 @@
+"""Measurements as factors of a gtsam graph.
+
+Measurements are frozen dataclasses; gtsam factors are built from them late. Scan terms evaluate a whole batch of poses
+in one parallel call; their two adaptors are Gaussian Hessian factors for batch solvers and square-root custom factors for
+incremental ones.
+"""
+
+from factorloc.factors.adaptors import hessian_factors, square_root_factor
+from factorloc.factors.odometry import OdometryNoise, odometry_factors
+from factorloc.factors.prior import PosePrior
+from factorloc.factors.scan_term import DecayRateTerm, DistanceFieldTerm, ScanCosts, ScanTerm
+
+__all__ = [
+    "DecayRateTerm",
+    "DistanceFieldTerm",
+    "OdometryNoise",
+    "PosePrior",
+    "ScanCosts",
+    "ScanTerm",
+    "hessian_factors",
+    "odometry_factors",
+    "square_root_factor",
+]

@@ -1,0 +1,266 @@
+"""Scan-to-map costs of planar scans with gradient and Gauss-Newton Hessian, in parallel over poses.
+
+Both models read two flat rimmed tables and three numbers a level of the map:
+
+====================  ===========  ==============  ==================================
+model                 primary      secondary       numbers
+====================  ===========  ==============  ==================================
+``DECAY_RATE``        rates, 1/m   log rates       rate outside, least NLL, unused
+``DISTANCE_FIELD``    distance, m  distance, m     farthest, sigma (m), Huber (sigma)
+====================  ===========  ==============  ==================================
+"""
+
+import math
+
+from factorloc._jit import kernel, prange
+from factorloc.mapping._forward_kernels import integrate, walk_columns
+from factorloc.mapping._traversal_kernels import clip_ray
+
+DECAY_RATE = 0
+DISTANCE_FIELD = 1
+
+_LEAST_MARGIN = 0.05  # no ray gets more weight than at this distance from the least possible cost
+
+
+@kernel
+def bilinear(values, stride, q_x, q_y):
+    """Interpolate between cell centres: value and its derivatives by the cell coordinates.
+
+    ``q`` counts cells of the rimmed array from the centre of its first; the caller keeps it inside.
+    """
+    j_x = int(q_x)
+    j_y = int(q_y)
+    u = q_x - j_x
+    v = q_y - j_y
+    cell = j_x * stride + j_y
+    f_00 = values[cell]
+    f_01 = values[cell + 1]
+    f_10 = values[cell + stride]
+    f_11 = values[cell + stride + 1]
+    low = f_00 + v * (f_01 - f_00)
+    high = f_10 + v * (f_11 - f_10)
+    return low + u * (high - low), high - low, (1.0 - u) * (f_01 - f_00) + u * (f_11 - f_10)
+
+
+@kernel
+def hybrid_nll(rates, log_rates, shape, outside, log_outside, p_x, p_y, v_x, v_y, length, inverse, want_gradient):
+    """Hybrid negative log-likelihood of one ray: exact integral minus interpolated log rate at the end.
+
+    Returns
+    -------
+    value : float
+    g_x, g_y : float
+        Derivative by the ray origin, 1/m.
+    m_x, m_y : float
+        Derivative by the ray direction (moment about the origin): ``sum t dS/do`` of the crossings plus ``length`` times
+        the end point's.
+    """
+    n_x, n_y = shape
+    stride = n_y + 2
+    g_x = 0.0
+    g_y = 0.0
+    m_x = 0.0
+    m_y = 0.0
+    t_in = 0.0
+    t_out = length
+    e_x = p_x + v_x * length
+    e_y = p_y + v_y * length
+    clipped = not (0.0 <= p_x < n_x and 0.0 <= p_y < n_y and 0.0 <= e_x < n_x and 0.0 <= e_y < n_y)
+    if clipped:
+        # Clip in the middle of the rim, whose rate is the one outside: every jump at the border is then walked across.
+        t_in, t_out = clip_ray(p_x + 0.5, p_y + 0.5, v_x, v_y, length, n_x + 1, n_y + 1)
+    if t_in < t_out:
+        if want_gradient:
+            value, jump_x, jump_y, moment_x, moment_y = walk_columns(
+                rates, stride, p_x + 1.0, p_y + 1.0, v_x, v_y, t_in, t_out
+            )
+            if v_x != 0.0:
+                g_x = jump_x / (v_x / inverse)
+                m_x = moment_x / (v_x / inverse)
+            if v_y != 0.0:
+                g_y = jump_y / (v_y / inverse)
+                m_y = moment_y / (v_y / inverse)
+        else:
+            value = integrate(rates, stride, p_x + 1.0, p_y + 1.0, v_x, v_y, t_in, t_out)
+        value += outside * (length - (t_out - t_in))
+    else:
+        value = outside * length
+    # Beyond the rim's centres the log rate is constant.
+    q_x = e_x + 0.5
+    q_y = e_y + 0.5
+    if 0.0 <= q_x < n_x + 1 and 0.0 <= q_y < n_y + 1:
+        log_rate, f_x, f_y = bilinear(log_rates, stride, q_x, q_y)
+        value -= log_rate
+        if want_gradient:
+            f_x *= inverse
+            f_y *= inverse
+            g_x -= f_x
+            g_y -= f_y
+            m_x -= length * f_x
+            m_y -= length * f_y
+    else:
+        value -= log_outside
+    return value, g_x, g_y, m_x, m_y
+
+
+@kernel
+def to_body_frame(c, s, gradient, hessian):
+    """Turn a gradient and Hessian by world coordinates (x, y, theta) into the tangent space of the body."""
+    g_x = gradient[0]
+    g_y = gradient[1]
+    gradient[0] = c * g_x + s * g_y
+    gradient[1] = -s * g_x + c * g_y
+    h_xx = hessian[0, 0]
+    h_xy = hessian[0, 1]
+    h_yy = hessian[1, 1]
+    hessian[0, 0] = c * c * h_xx + 2.0 * c * s * h_xy + s * s * h_yy
+    hessian[0, 1] = c * s * (h_yy - h_xx) + (c * c - s * s) * h_xy
+    hessian[1, 1] = s * s * h_xx - 2.0 * c * s * h_xy + c * c * h_yy
+    h_xt = hessian[0, 2]
+    h_yt = hessian[1, 2]
+    hessian[0, 2] = c * h_xt + s * h_yt
+    hessian[1, 2] = -s * h_xt + c * h_yt
+    hessian[1, 0] = hessian[0, 1]
+    hessian[2, 0] = hessian[0, 2]
+    hessian[2, 1] = hessian[1, 2]
+
+
+@kernel
+def add_outer(hessian, weight, g_0, g_1, g_2):
+    """Add ``weight * g g'`` to the upper triangle."""
+    hessian[0, 0] += weight * g_0 * g_0
+    hessian[0, 1] += weight * g_0 * g_1
+    hessian[0, 2] += weight * g_0 * g_2
+    hessian[1, 1] += weight * g_1 * g_1
+    hessian[1, 2] += weight * g_1 * g_2
+    hessian[2, 2] += weight * g_2 * g_2
+
+
+@kernel
+def decay_ray(primary, secondary, numbers, log_outside, shape, p_x, p_y, d_x, d_y, length, inverse, want_gradient):
+    """Hybrid NLL of one ray with the weight of its outer product: value, origin and direction derivatives, weight."""
+    value, g_x, g_y, m_x, m_y = hybrid_nll(
+        primary, secondary, shape, numbers[0], log_outside, p_x, p_y, d_x * inverse, d_y * inverse, length, inverse,
+        want_gradient,
+    )  # fmt: skip
+    return value, g_x, g_y, m_x, m_y, 0.5 / max(value - numbers[1], _LEAST_MARGIN)
+
+
+@kernel
+def field_ray(field, numbers, shape, p_x, p_y, d_x, d_y, length, inverse):
+    """Huber cost of one end point's distance; returns as :func:`decay_ray`."""
+    n_x, n_y = shape
+    q_x = p_x + d_x * length * inverse + 0.5
+    q_y = p_y + d_y * length * inverse + 0.5
+    if 0.0 <= q_x < n_x + 1 and 0.0 <= q_y < n_y + 1:
+        distance, f_x, f_y = bilinear(field, n_y + 2, q_x, q_y)
+    else:
+        distance, f_x, f_y = numbers[0], 0.0, 0.0
+    residual = distance / numbers[1]
+    huber = numbers[2]
+    if residual < huber:
+        value = 0.5 * residual * residual
+        slope = residual
+    else:
+        value = huber * (residual - 0.5 * huber)
+        slope = huber
+    # Gauss-Newton on the residual: H = w f f' with w = slope / residual, in terms of g = slope f.
+    g_x = slope * f_x * inverse / numbers[1]
+    g_y = slope * f_y * inverse / numbers[1]
+    weight = 1.0 / (slope * residual) if residual > 1e-9 else 0.0
+    return value, g_x, g_y, length * g_x, length * g_y, weight
+
+
+@kernel
+def scan_cost(
+    model, pose, origins, directions, lengths, first, last, primary, secondary, numbers, shape, low, resolution,
+    want_gradient, gradient, hessian,
+):  # fmt: skip
+    """Sum a model's costs over the rays ``first:last`` of one scan; see :func:`scan_batch`."""
+    c = math.cos(pose[2])
+    s = math.sin(pose[2])
+    inverse = 1.0 / resolution
+    log_outside = math.log(numbers[0]) if model == DECAY_RATE else 0.0
+    cost = 0.0
+    gradient[:] = 0.0
+    hessian[:] = 0.0
+    for k in range(first, last):
+        # Ray origin relative to the body, and its direction, in the frame of the map.
+        a_x = c * origins[k, 0] - s * origins[k, 1]
+        a_y = s * origins[k, 0] + c * origins[k, 1]
+        d_x = c * directions[k, 0] - s * directions[k, 1]
+        d_y = s * directions[k, 0] + c * directions[k, 1]
+        p_x = (pose[0] + a_x - low[0]) * inverse
+        p_y = (pose[1] + a_y - low[1]) * inverse
+        if model == DECAY_RATE:
+            value, g_x, g_y, m_x, m_y, weight = decay_ray(
+                primary, secondary, numbers, log_outside, shape, p_x, p_y, d_x, d_y, lengths[k], inverse, want_gradient
+            )
+        else:
+            value, g_x, g_y, m_x, m_y, weight = field_ray(
+                primary, numbers, shape, p_x, p_y, d_x, d_y, lengths[k], inverse
+            )
+        cost += value
+        if want_gradient:
+            # Turning the body moves the origin by (-a_y, a_x) and the direction by (-d_y, d_x).
+            g_t = a_x * g_y - a_y * g_x + d_x * m_y - d_y * m_x
+            gradient[0] += g_x
+            gradient[1] += g_y
+            gradient[2] += g_t
+            add_outer(hessian, weight, g_x, g_y, g_t)
+    if want_gradient:
+        to_body_frame(c, s, gradient, hessian)
+    return cost
+
+
+@kernel
+def scan_batch(
+    model, poses, scan_of_pose, origins, directions, lengths, offsets, primary, secondary, numbers, shape, low,
+    resolution, want_gradient, costs, gradients, hessians,
+):  # fmt: skip
+    """Cost, gradient and Hessian of many scans at many poses.
+
+    Parameters
+    ----------
+    model : int
+        ``DECAY_RATE`` or ``DISTANCE_FIELD``.
+    poses : (N, 3) float64
+        ``T_map_body``.
+    scan_of_pose : (N,) int64
+        The scan each pose is tried for.
+    origins, directions : (M, 2) float64
+        Rays in body frames.
+    lengths : (M,) float64
+    offsets : (S + 1,) int64
+    primary, secondary : flat rimmed float64
+        One level of the map.
+    numbers : (3,) float64
+        Its numbers.
+    shape : (int, int)
+        Cells without rim.
+    low : (2,) float64
+    resolution : float
+    want_gradient : bool
+    costs : (N,), gradients : (N, 3), hessians : (N, 3, 3)
+        Written; derivatives in the tangent space of the body.
+    """
+    for n in range(poses.shape[0]):
+        k = scan_of_pose[n]
+        costs[n] = scan_cost(
+            model, poses[n], origins, directions, lengths, offsets[k], offsets[k + 1], primary, secondary, numbers,
+            shape, low, resolution, want_gradient, gradients[n], hessians[n],
+        )  # fmt: skip
+
+
+@kernel(parallel=True)
+def scan_batch_parallel(
+    model, poses, scan_of_pose, origins, directions, lengths, offsets, primary, secondary, numbers, shape, low,
+    resolution, want_gradient, costs, gradients, hessians,
+):  # fmt: skip
+    """Like :func:`scan_batch`, in parallel over poses."""
+    for n in prange(poses.shape[0]):
+        k = scan_of_pose[n]
+        costs[n] = scan_cost(
+            model, poses[n], origins, directions, lengths, offsets[k], offsets[k + 1], primary, secondary, numbers,
+            shape, low, resolution, want_gradient, gradients[n], hessians[n],
+        )  # fmt: skip

@@ -1,0 +1,180 @@
+"""Tracking: predict by odometry, register the next scan, go on."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field
+
+from factorloc.config import Block
+from factorloc.errors import GeometryError
+from factorloc.factors.odometry import OdometryNoise
+from factorloc.factors.prior import PosePrior
+from factorloc.factors.scan_term import GridScanTerm
+from factorloc.geometry import se2
+from factorloc.localization.registration import Registration, RegistrationSettings, register
+from factorloc.result import Result, StopReason
+from factorloc.trajectory import Trajectory
+
+__all__ = ["TrackingSettings", "find_start", "track"]
+
+Array = npt.NDArray[np.float64]
+
+
+class TrackingSettings(Block):
+    """How scans are followed.
+
+    Parameters
+    ----------
+    start_grid : int
+        Start poses a dimension, spread over two standard deviations of the prior, from which the first scan is
+        registered on all levels.
+    track_blur : float
+        Coarsest level at which a predicted scan starts, m. Every finer level starts from the prediction as well, and
+        the lowest cost is taken: a coarse start finds its way back, a fine one is not led astray.
+    lost_position, lost_heading : float
+        Standard deviations of a motion nobody measured, m and rad.
+    """
+
+    start_grid: int = Field(3, ge=1, le=9)
+    track_blur: float = Field(0.5, gt=0)
+    lost_position: float = Field(1.0, gt=0)
+    lost_heading: float = Field(0.35, gt=0)
+
+
+def find_start(
+    term: GridScanTerm,
+    prior: PosePrior,
+    scan: int = 0,
+    *,
+    settings: TrackingSettings | None = None,
+    registration: RegistrationSettings | None = None,
+) -> Registration:
+    """Register a scan from poses spread over its prior, on all levels.
+
+    Parameters
+    ----------
+    term : GridScanTerm
+        Measurement model.
+    prior : PosePrior
+        What is known of the pose.
+    scan : int
+        Which scan of the term.
+    settings : TrackingSettings, optional
+        How many starts.
+    registration : RegistrationSettings, optional
+        Steps and tolerances.
+
+    Returns
+    -------
+    Registration
+        One row a start; its :attr:`~Registration.best` is the answer.
+    """
+    settings = settings or TrackingSettings()
+    offsets = np.linspace(-1, 1, settings.start_grid) if settings.start_grid > 1 else np.zeros(1)
+    spread = np.array(list(itertools.product(offsets, repeat=3)))
+    # Columns of the square root of the covariance are the prior's own axes.
+    root = np.linalg.cholesky(prior.covariance)
+    starts = se2.compose(prior.pose, se2.exp(spread @ root.T))
+    return register(term, starts, np.full(len(starts), scan), prior=prior, settings=registration)
+
+
+def track(
+    term: GridScanTerm,
+    odometry: npt.ArrayLike,
+    prior: PosePrior,
+    *,
+    known: npt.ArrayLike | None = None,
+    stamps: npt.ArrayLike | None = None,
+    noise: OdometryNoise | None = None,
+    settings: TrackingSettings | None = None,
+    registration: RegistrationSettings | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> Result:
+    """Localize scans one after the other.
+
+    Parameters
+    ----------
+    term : GridScanTerm
+        Measurement model of all N scans.
+    odometry : array_like, shape (N - 1, 3)
+        Motions of the body between scans.
+    prior : PosePrior
+        What is known of the first pose.
+    known : array_like of bool, shape (N - 1,), optional
+        Which motions were measured.
+    stamps : array_like, shape (N,), optional
+        Times; scan numbers by default.
+    noise : OdometryNoise, optional
+        Noise of the motions.
+    settings : TrackingSettings, optional
+        Starts of each registration.
+    registration : RegistrationSettings, optional
+        Steps and tolerances.
+    progress : callable, optional
+        Called with the number of scans done.
+
+    Returns
+    -------
+    Result
+        Poses with filtered covariances; ``residuals["scan"]`` holds the cost of each registration.
+
+    Raises
+    ------
+    GeometryError
+        If there is not one motion between each pair of scans.
+    """
+    settings, noise = settings or TrackingSettings(), noise or OdometryNoise()
+    motions = se2.as_poses(np.reshape(odometry, (-1, 3)), "odometry")
+    n = term.scans
+    if len(motions) != n - 1:
+        raise GeometryError(f"odometry: {len(motions)} motions between {n} scans; expected {n - 1}")
+    measured = np.ones(n - 1, bool) if known is None else np.asarray(known, bool)
+    lost = np.diag(np.square([settings.lost_position, settings.lost_position, settings.lost_heading]))
+    motion_covariances = np.where(measured[:, None, None], noise.covariances(motions), lost)
+    entries = [i for i, blur in enumerate(term.blurs) if blur <= settings.track_blur] or [len(term.blurs) - 1]
+
+    began = time.perf_counter()
+    poses, covariances, costs = np.empty((n, 3)), np.empty((n, 3, 3)), np.empty(n)
+    unconverged = 0
+    for k in range(n):
+        if k == 0 or not measured[k - 1]:
+            found = find_start(term, prior, k, settings=settings, registration=registration)
+        else:
+            found = _enter(term, prior, k, entries, registration)
+        best = found.best
+        poses[k], costs[k] = found.poses[best], found.costs[best]
+        covariances[k] = np.linalg.inv(found.hessians[best] + prior.information)
+        unconverged += not found.converged[best]
+        if k < n - 1:
+            carried = se2.adjoint(se2.inverse(motions[k]))
+            covariance = carried @ covariances[k] @ carried.T + motion_covariances[k]
+            prior = PosePrior(se2.compose(poses[k], motions[k]), (covariance + covariance.T) / 2)
+        if progress:
+            progress(k + 1)
+    times = np.arange(n, dtype=np.float64) if stamps is None else np.asarray(stamps, np.float64)
+    return Result(
+        Trajectory(times, poses, covariances),
+        float(costs.sum()),
+        (),
+        StopReason.SEQUENTIAL,
+        {"scan": costs},
+        {"registrations not converged": unconverged, "motions not measured": int((~measured).sum())},
+        time.perf_counter() - began,
+    )
+
+
+def _enter(
+    term: GridScanTerm, prior: PosePrior, scan: int, entries: list[int], settings: RegistrationSettings | None
+) -> Registration:
+    """Register from the prediction, entering the pyramid at each of some levels."""
+    last = len(term.blurs)
+    found = [
+        register(term, prior.pose[None], [scan], levels=range(entry, last), prior=prior, settings=settings)
+        for entry in entries
+    ]
+    return Registration(*(np.concatenate([getattr(r, name) for r in found]) for name in Registration.__dataclass_fields__))

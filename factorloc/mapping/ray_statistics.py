@@ -1,0 +1,262 @@
+"""Ray statistics: hits, misses and path length of every cell, the sufficient statistics of the beam models."""
+
+from __future__ import annotations
+
+import functools
+import operator
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from factorloc import _jit
+from factorloc.errors import MapError
+from factorloc.geometry import se2
+from factorloc.mapping._traversal_kernels import FIXED_POINT, accumulate_parallel
+from factorloc.mapping.grid import Grid, require_memory
+from factorloc.scan import Rays, RayStatus, Scan, pack
+
+__all__ = ["RayStatistics", "rays_in_map"]
+
+Array = npt.NDArray[np.float64]
+
+_BLOCK_RAYS = 2_000_000
+_PARALLEL_RAYS = 2_000  # fewer are walked faster than threads are woken
+_MOST_VISITS = np.iinfo(np.uint32).max
+
+
+def rays_in_map(rays: Rays, poses: npt.ArrayLike) -> tuple[Array, Array]:
+    """Origins and directions of planar rays in the frame of the map, one pose ``T_map_body`` a scan.
+
+    Parameters
+    ----------
+    rays : Rays
+        Rays in body frames.
+    poses : array_like, shape (S, 3)
+        One pose a scan.
+
+    Returns
+    -------
+    origins, directions : ndarray, shape (M, 2)
+        Contiguous.
+
+    Raises
+    ------
+    MapError
+        If there is not one planar pose a scan.
+    """
+    array = se2.as_poses(poses)
+    if array.shape != (len(rays), 3):
+        raise MapError(f"poses: shape {array.shape}; expected one planar pose for each of the {len(rays)} scans")
+    each = np.repeat(array, np.diff(rays.offsets), axis=0)
+    return se2.transform(each, rays.origins), se2.rotate(each[:, 2], rays.directions)
+
+
+@dataclass(frozen=True)
+class RayStatistics:
+    """Statistics of rays that crossed the cells of a grid.
+
+    Every ray leaves its path length in each cell it crosses, a hit in the cell that reflects it and a miss in every
+    other; a ray without return leaves misses up to the maximum range. Rays reflected below the minimum range tell
+    neither where nor how far they went: they are counted in ``left_out`` only. All sums are integers, so the statistics
+    do not depend on the order of the rays, on the number of threads, or on how they were split into parts.
+
+    Parameters
+    ----------
+    grid : Grid
+        Where the cells lie.
+    hits, misses : ndarray of uint32, shape ``grid.shape``
+        H and M of the thesis (chapters 7 and 8).
+    path_fixed : ndarray of int64, shape ``grid.shape``
+        Path length in units of 2^-20 m; see :attr:`path_lengths`.
+    scans : int
+        Scans that were added.
+    left_out : dict of str to int
+        Rays not used, by reason.
+    """
+
+    grid: Grid
+    hits: npt.NDArray[np.uint32]
+    misses: npt.NDArray[np.uint32]
+    path_fixed: npt.NDArray[np.int64]
+    scans: int = 0
+    left_out: dict[str, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name in ("hits", "misses", "path_fixed"):
+            if getattr(self, name).shape != self.grid.shape:
+                raise MapError(f"{name}: shape {getattr(self, name).shape}; the grid has {self.grid.shape}")
+
+    @classmethod
+    def empty(cls, grid: Grid) -> RayStatistics:
+        """Statistics of no ray.
+
+        Raises
+        ------
+        MapError
+            If they would not fit into memory (16 bytes a cell, 24 more a cell and thread while rays are added).
+        """
+        require_memory(grid.cells * 40, f"a grid of {' x '.join(map(str, grid.shape))} cells")
+        return cls(
+            grid, np.zeros(grid.shape, np.uint32), np.zeros(grid.shape, np.uint32), np.zeros(grid.shape, np.int64)
+        )
+
+    @classmethod
+    def from_scans(
+        cls,
+        scans: Sequence[Scan],
+        poses: npt.ArrayLike,
+        *,
+        resolution: float = 0.1,
+        grid: Grid | None = None,
+        frame: str = "map",
+        progress: Callable[[int], None] | None = None,
+    ) -> RayStatistics:
+        """Accumulate scans taken at known poses.
+
+        Parameters
+        ----------
+        scans : sequence of Scan
+            Planar scans.
+        poses : array_like, shape (S, 3)
+            Pose ``T_map_body`` of each scan.
+        resolution : float
+            Edge length of a cell, m; used when no grid is given.
+        grid : Grid, optional
+            Where to accumulate; by default around all returns and sensors.
+        frame : str
+            Name of the map's frame; used when no grid is given.
+        progress : callable, optional
+            Called with the number of scans done.
+
+        Raises
+        ------
+        MapError
+            If the poses do not fit the scans, the grid does not fit into memory, or its frame is another dimension.
+        """
+        rays = pack(scans)
+        if rays.dimension != 2:
+            raise MapError("scans: spatial; this grid of ray statistics is planar")
+        poses = se2.as_poses(poses)
+        if poses.shape != (len(rays), 3):
+            raise MapError(f"poses: shape {poses.shape}; expected one planar pose for each of the {len(rays)} scans")
+        if grid is None:
+            grid = _grid_of(rays, poses, resolution, frame)
+        statistics = cls.empty(grid)
+        total = 0
+        while total < len(rays):
+            # As many scans at a time as keep the moved rays small.
+            stop = int(np.searchsorted(rays.offsets, rays.offsets[total] + _BLOCK_RAYS, side="right")) - 1
+            stop = min(max(stop, total + 1), len(rays))
+            block = _slice(rays, total, stop)
+            statistics = statistics.add(block, poses[total:stop])
+            total = stop
+            if progress:
+                progress(total)
+        return statistics
+
+    @property
+    def path_lengths(self) -> Array:
+        """Path length of all rays in each cell, m (R of the thesis)."""
+        return self.path_fixed / FIXED_POINT
+
+    @property
+    def visits(self) -> npt.NDArray[np.int64]:
+        """Rays that entered each cell: hits plus misses."""
+        return self.hits.astype(np.int64) + self.misses
+
+    def add(self, rays: Rays, poses: npt.ArrayLike) -> RayStatistics:
+        """Return these statistics with more rays.
+
+        Parameters
+        ----------
+        rays : Rays
+            Planar rays in body frames.
+        poses : array_like, shape (S, 3)
+            Pose ``T_map_body`` of each scan.
+
+        Raises
+        ------
+        MapError
+            If poses and rays do not fit, or a cell would see more than 2^32 - 1 rays.
+        """
+        used = rays.status != RayStatus.BELOW_MINIMUM
+        walked = rays.select(used)
+        origins, directions = rays_in_map(walked, poses)
+        returns = np.asarray(walked.status == RayStatus.RETURN)
+        threads = _jit.threads() if len(returns) > _PARALLEL_RAYS else 1
+        if int(self.visits.max(initial=0)) + len(returns) > _MOST_VISITS:
+            raise MapError(f"a cell may see more than {_MOST_VISITS} rays, where its counts end; split the map")
+        hits, misses, path = self.hits.copy(), self.misses.copy(), self.path_fixed.copy()
+        low = np.array(self.grid.origin)
+        shape = (self.grid.shape[0], self.grid.shape[1])
+        accumulate_parallel(
+            origins, directions, walked.ranges, returns, low, self.grid.resolution, shape, threads, hits, misses, path
+        )
+        left_out = {"below minimum range": int((~used).sum())}
+        ends = origins[returns] + directions[returns] * walked.ranges[returns, None]
+        left_out["ended outside the grid"] = int((~self.grid.contains(ends)).sum())
+        return RayStatistics(
+            self.grid,
+            hits,
+            misses,
+            path,
+            self.scans + len(rays),
+            _added(self.left_out, left_out),
+        )
+
+    def __add__(self, other: RayStatistics) -> RayStatistics:
+        """Merge statistics of one raster; the grid becomes the union of both.
+
+        Raises
+        ------
+        MapError
+            If the two do not share frame, resolution and raster.
+        """
+        grid = self.grid.union(other.grid)
+        total = RayStatistics.empty(grid)
+        hits, misses, path = (np.zeros(grid.shape, np.int64) for _ in range(3))
+        for part in (self, other):
+            window = grid.window(part.grid)
+            hits[window] += part.hits
+            misses[window] += part.misses
+            path[window] += part.path_fixed
+        return RayStatistics(
+            total.grid,
+            _checked(hits),
+            _checked(misses),
+            path,
+            self.scans + other.scans,
+            _added(self.left_out, other.left_out),
+        )
+
+    @staticmethod
+    def merge(parts: Sequence[RayStatistics]) -> RayStatistics:
+        """Merge any number of parts; see :meth:`__add__`."""
+        return functools.reduce(operator.add, parts)
+
+
+def _grid_of(rays: Rays, poses: Array, resolution: float, frame: str) -> Grid:
+    returns = rays.returns()
+    if len(returns.ranges) == 0:
+        raise MapError("scans: not one ray has a return; a map needs some")
+    origins, directions = rays_in_map(returns, poses)
+    ends = origins + directions * returns.ranges[:, None]
+    return Grid.around(np.concatenate([ends, origins, poses[:, :2]]), resolution, frame=frame)
+
+
+def _slice(rays: Rays, first: int, last: int) -> Rays:
+    rows = slice(int(rays.offsets[first]), int(rays.offsets[last]))
+    offsets = rays.offsets[first : last + 1] - rays.offsets[first]
+    return Rays(rays.origins[rows], rays.directions[rows], rays.ranges[rows], rays.status[rows], offsets)
+
+
+def _checked(counts: npt.NDArray[np.int64]) -> npt.NDArray[np.uint32]:
+    if counts.max(initial=0) > _MOST_VISITS:
+        raise MapError(f"a cell was visited {counts.max()} times; counts end at {_MOST_VISITS}: split the map")
+    return counts.astype(np.uint32)
+
+
+def _added(first: dict[str, int], second: dict[str, int]) -> dict[str, int]:
+    return {key: first.get(key, 0) + second.get(key, 0) for key in {**first, **second}}

@@ -1,0 +1,23 @@
+"""Viewer: figures fit to print, from plain arrays and trajectories.
+
+Every plot function returns a :class:`matplotlib.figure.Figure`; :func:`save_figure` writes it, and a :class:`Viewer`
+does both in one call. No window is opened and no global state of matplotlib is touched.
+"""
+
+from factorloc.viewer.cost_plot import plot_cost_history
+from factorloc.viewer.error_plot import TimedErrors, plot_errors_over_time
+from factorloc.viewer.figure_file import FIGURE_KINDS, save_figure
+from factorloc.viewer.map_plots import plot_error_coloured_path, plot_map_and_trajectories
+from factorloc.viewer.viewer import NullViewer, Viewer
+
+__all__ = [
+    "FIGURE_KINDS",
+    "NullViewer",
+    "TimedErrors",
+    "Viewer",
+    "plot_cost_history",
+    "plot_error_coloured_path",
+    "plot_errors_over_time",
+    "plot_map_and_trajectories",
+    "save_figure",
+]
