@@ -1,8 +1,8 @@
 """The only importer of numba: the decorators of all kernels, their cache, and the thread count.
 
-Kernels live in files named ``_kernels.py`` or ``_<noun>_kernels.py`` and import nothing but numpy, math, this module and
-each other (a test checks it). Compiled code is cached under a folder keyed by a digest of exactly those files, because
-numba itself does not notice an edit in a kernel that another file calls.
+Kernels live in files named ``_kernels.py`` or ``_<noun>_kernels.py`` and import nothing but numpy, math, this module
+and each other (a test checks it). Compiled code is cached under a folder keyed by a digest of exactly those files,
+because numba itself does not notice an edit in a kernel that another file calls.
 """
 
 from __future__ import annotations

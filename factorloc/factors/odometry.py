@@ -47,12 +47,12 @@ class OdometryNoise(Block):
         If a number is negative, or zero where it must not be.
     """
 
-    turn_per_turn: float = Field(0.10, ge=0)
-    turn_per_metre: float = Field(0.05, ge=0)
-    length_per_metre: float = Field(0.05, ge=0)
-    length_per_turn: float = Field(0.02, ge=0)
-    least_turn: float = Field(0.01, gt=0)
-    least_length: float = Field(0.02, gt=0)
+    turn_per_turn: float = Field(0.2, ge=0)
+    turn_per_metre: float = Field(0.1, ge=0)
+    length_per_metre: float = Field(0.1, ge=0)
+    length_per_turn: float = Field(0.04, ge=0)
+    least_turn: float = Field(0.02, gt=0)
+    least_length: float = Field(0.04, gt=0)
     huber: float = Field(1.5, gt=0)
 
     def covariances(self, motions: npt.ArrayLike) -> Array:

@@ -1,0 +1,23 @@
+"""Where the rooms meet: registration, tracking, smoothing, and the localizer that runs them in order."""
+
+from factorloc.localization.localizer import Localization, LocalizationSettings, localize
+from factorloc.localization.optimizer import OptimizerSettings, ScanFactors, optimize
+from factorloc.localization.registration import Registration, RegistrationSettings, register
+from factorloc.localization.smoother import smooth
+from factorloc.localization.tracking import TrackingSettings, find_start, track
+
+__all__ = [
+    "Localization",
+    "LocalizationSettings",
+    "OptimizerSettings",
+    "Registration",
+    "RegistrationSettings",
+    "ScanFactors",
+    "TrackingSettings",
+    "find_start",
+    "localize",
+    "optimize",
+    "register",
+    "smooth",
+    "track",
+]

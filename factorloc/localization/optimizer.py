@@ -44,8 +44,8 @@ class OptimizerSettings(Block):
         Distance at which a rotation counts as much as a translation, m: the damping of angles is its square.
     """
 
-    max_iterations: int = Field(25, gt=0)
-    relative_tolerance: float = Field(1e-6, ge=0)
+    max_iterations: int = Field(100, gt=0)
+    relative_tolerance: float = Field(1e-5, ge=0)
     absolute_tolerance: float = Field(1e-3, ge=0)
     initial_damping: float = Field(1e-4, gt=0)
     damping_factor: float = Field(10.0, gt=1)

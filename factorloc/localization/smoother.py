@@ -13,9 +13,11 @@ from gtsam.symbol_shorthand import X
 from factorloc.errors import GeometryError
 from factorloc.factors.odometry import OdometryNoise, odometry_factors
 from factorloc.factors.prior import PosePrior
-from factorloc.factors.scan_term import ScanTerm
+from factorloc.factors.scan_term import GridScanTerm, ScanTerm
 from factorloc.geometry import se2
+from factorloc.localization.candidates import choose_poses
 from factorloc.localization.optimizer import Optimized, OptimizerSettings, ScanFactors, optimize, pose_array
+from factorloc.localization.registration import register
 from factorloc.result import Iteration, Result
 from factorloc.trajectory import Trajectory
 
@@ -32,6 +34,7 @@ def smooth(
     prior: PosePrior | None = None,
     known: npt.ArrayLike | None = None,
     stamps: npt.ArrayLike | None = None,
+    frame: str = "map",
     noise: OdometryNoise | None = None,
     levels: Sequence[int] | None = None,
     settings: OptimizerSettings | None = None,
@@ -40,7 +43,10 @@ def smooth(
     """Smooth a whole drive.
 
     The graph has a variable for each scan, robust odometry factors between neighbours, a prior on the first pose, and
-    the scan term; it is solved through the levels of the map, coarse to fine.
+    the scan term; it is solved through the levels of the map, coarse to fine. Then every scan takes the best of where it
+    started, where the graph left it and where it registers by itself, all scans jointly
+    (:mod:`factorloc.localization.candidates`), and the graph is solved once more on the finest level. So the cost is
+    never above that of the start.
 
     Parameters
     ----------
@@ -56,6 +62,8 @@ def smooth(
         Which motions were measured.
     stamps : array_like, shape (N,), optional
         Times; scan numbers by default.
+    frame : str
+        Name of the map's frame.
     noise : OdometryNoise, optional
         Noise of the motions.
     levels : sequence of int, optional
@@ -88,31 +96,45 @@ def smooth(
     if prior is not None:
         graph.push_back(prior.factor(keys[0]))
         kinds.append("prior")
-    for factor in odometry_factors(keys, motions, noise or OdometryNoise(), known):
+    noise = noise or OdometryNoise()
+    for factor in odometry_factors(keys, motions, noise, known):
         graph.push_back(factor)
         kinds.append("odometry")
-    values = gtsam.Values()
-    for key, pose in zip(keys, poses, strict=True):
-        values.insert(key, gtsam.Pose2(*pose))
+    values = _values(keys, poses)
     if levels is None:
         levels = [i for i, blur in enumerate(term.blurs) if blur <= 0.25] or [len(term.blurs) - 1]
-    found = optimize(graph, values, ScanFactors(term, keys), levels=levels, settings=settings, progress=progress)
+    scans = ScanFactors(term, keys)
+    coarse = optimize(graph, values, scans, levels=levels, settings=settings, progress=progress)
+    smoothed = pose_array(coarse.values)
+    measured = np.ones(len(motions), bool) if known is None else np.asarray(known, bool)
+    candidates = [poses, smoothed]
+    if isinstance(term, GridScanTerm):
+        # Each scan alone, from where the graph holds it: a pose that others keep from moving gets its own steps.
+        candidates.append(register(term, smoothed, np.arange(len(poses)), levels=levels[-2:]).poses)
+    chosen = choose_poses(candidates, term, motions, noise, measured, prior)
+    found = optimize(graph, _values(keys, chosen), scans, settings=settings, progress=progress)
     times = np.arange(len(poses), dtype=np.float64) if stamps is None else np.asarray(stamps, np.float64)
-    trajectory = Trajectory(times, pose_array(found.values), marginal_covariances(found, keys))
+    trajectory = Trajectory(times, pose_array(found.values), marginal_covariances(found, keys), world=frame)
     errors = np.array([graph.at(i).error(found.values) for i in range(graph.size())])
     residuals = {kind: errors[[k == kind for k in kinds]] for kind in dict.fromkeys(kinds)}
     if found.scan_costs is not None:
         residuals["scan"] = found.scan_costs.cost
-    missing = 0 if known is None else int((~np.asarray(known, bool)).sum())
     return Result(
         trajectory,
         found.cost,
-        found.history,
+        coarse.history + found.history,
         found.stop,
         residuals,
-        {"motions not measured": missing},
+        {"motions not measured": int((~measured).sum())},
         time.perf_counter() - began,
     )
+
+
+def _values(keys: Sequence[int], poses: Array) -> gtsam.Values:
+    values = gtsam.Values()
+    for key, pose in zip(keys, poses, strict=True):
+        values.insert(key, gtsam.Pose2(*pose))
+    return values
 
 
 def marginal_covariances(found: Optimized, keys: Sequence[int]) -> Array:

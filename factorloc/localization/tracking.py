@@ -90,6 +90,7 @@ def track(
     *,
     known: npt.ArrayLike | None = None,
     stamps: npt.ArrayLike | None = None,
+    frame: str = "map",
     noise: OdometryNoise | None = None,
     settings: TrackingSettings | None = None,
     registration: RegistrationSettings | None = None,
@@ -109,6 +110,8 @@ def track(
         Which motions were measured.
     stamps : array_like, shape (N,), optional
         Times; scan numbers by default.
+    frame : str
+        Name of the map's frame.
     noise : OdometryNoise, optional
         Noise of the motions.
     settings : TrackingSettings, optional
@@ -158,7 +161,7 @@ def track(
             progress(k + 1)
     times = np.arange(n, dtype=np.float64) if stamps is None else np.asarray(stamps, np.float64)
     return Result(
-        Trajectory(times, poses, covariances),
+        Trajectory(times, poses, covariances, world=frame),
         float(costs.sum()),
         (),
         StopReason.SEQUENTIAL,

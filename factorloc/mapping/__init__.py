@@ -1,0 +1,27 @@
+"""What is built offline: ray statistics, and the lidar sensor models on them.
+
+Nothing here knows of gtsam. Maps are made from scans at known poses, merged, written and read; a sensor model turns
+their statistics into the likelihood of a scan.
+"""
+
+from factorloc.mapping.decay_rate import DecayRateMap, DecayRatePosterior
+from factorloc.mapping.grid import Grid
+from factorloc.mapping.prior import GammaPrior, estimate_prior
+from factorloc.mapping.pyramid import DEFAULT_BLURS, BlurPyramid
+from factorloc.mapping.ray_statistics import RayStatistics
+from factorloc.mapping.storage import MapInfo, read_map, read_map_info, write_map
+
+__all__ = [
+    "DEFAULT_BLURS",
+    "BlurPyramid",
+    "DecayRateMap",
+    "DecayRatePosterior",
+    "GammaPrior",
+    "Grid",
+    "MapInfo",
+    "RayStatistics",
+    "estimate_prior",
+    "read_map",
+    "read_map_info",
+    "write_map",
+]

@@ -1,0 +1,97 @@
+"""``factorloc info``: what a file holds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from factorloc.cli.console import console
+
+__all__ = ["info"]
+
+
+def info(path: Annotated[Path, typer.Argument(help="A map file, a recording, or the folder of a run.")]) -> None:
+    """Tell what a map, a recording or a run holds.
+
+    [bold]Examples[/bold]
+
+    [green]factorloc info intel.h5[/green]
+
+    [green]factorloc info intel.clf.bz2[/green]
+
+    [green]factorloc info results/latest[/green]
+    """
+    if path.is_dir():
+        _show("run", _run_facts(path))
+    elif path.suffix in (".h5", ".hdf5"):
+        _show("map", _map_facts(path))
+    else:
+        _show("recording", _drive_facts(path))
+
+
+def _show(kind: str, facts: dict[str, str]) -> None:
+    from rich.table import Table
+
+    table = Table.grid(padding=(0, 2))
+    table.add_row("[bold]kind[/bold]", kind)
+    for name, value in facts.items():
+        table.add_row(f"[bold]{name}[/bold]", value)
+    console.print(table)
+
+
+def _map_facts(path: Path) -> dict[str, str]:
+    from factorloc.mapping import read_map_info
+
+    found = read_map_info(path)
+    grid = found.grid
+    return {
+        "cells": " x ".join(map(str, grid.shape)),
+        "resolution": f"{grid.resolution} m",
+        "frame": grid.frame,
+        "lowest corner": ", ".join(f"{value:.2f}" for value in grid.origin) + " m",
+        "highest corner": ", ".join(f"{value:.2f}" for value in grid.upper) + " m",
+        "scans": str(found.scans),
+        "in memory": f"{grid.cells * 16 / 2**20:.1f} MiB",
+        "left out": ", ".join(f"{count} {reason}" for reason, count in found.left_out.items()) or "nothing",
+        **{f"provenance: {name}": value for name, value in found.provenance.items()},
+    }
+
+
+def _drive_facts(path: Path) -> dict[str, str]:
+    import numpy as np
+
+    from factorloc.datasets import open_drive
+
+    drive = open_drive(path)
+    scan = drive.scans[0]
+    returns = np.mean([s.is_return.mean() for s in drive.scans])
+    known = int(drive.odometry_known.sum())
+    facts = {
+        "scans": str(len(drive)),
+        "beams": str(len(scan)),
+        "range": f"{scan.range_limits[0]:g} to {scan.range_limits[1]:g} m, {returns:.1%} of the rays return",
+        "odometry": f"{known} of {len(drive) - 1} motions, {np.hypot(*drive.odometry[:, :2].T).sum():.1f} m",
+        "truth": "none" if drive.truth is None else f"{len(drive.truth)} poses, {drive.truth.length:.1f} m",
+    }
+    for number, report in enumerate(drive.reports):
+        facts["file" if len(drive.reports) == 1 else f"file {number + 1}"] = str(report)
+    return facts
+
+
+def _run_facts(path: Path) -> dict[str, str]:
+    import json
+
+    from factorloc.errors import DataError
+
+    account = path / "run.json"
+    try:
+        facts = json.loads(account.read_text(encoding="utf-8"))
+        results = facts["results"]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise DataError(f"{account}: missing or damaged; is {path} the folder of a run?") from error
+    shown = {name: str(facts[name]) for name in ("map", "recording", "scans", "written") if name in facts}
+    for name, result in results.items():
+        shown[name] = f"{result['poses']} poses over {result['length_m']:.1f} m; {result['stop']}"
+    return shown

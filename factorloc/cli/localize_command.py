@@ -1,0 +1,87 @@
+"""``factorloc localize``: a recording in a map."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from factorloc.cli.console import Threads, console, progress_bar, use_threads
+from factorloc.cli.selection import SELECTION_HELP, select_scans
+
+if TYPE_CHECKING:
+    from factorloc.datasets import Drive
+
+__all__ = ["localize"]
+
+
+def localize(
+    map_file: Annotated[Path, typer.Argument(metavar="MAP", help="Map file of [green]factorloc map build[/green].")],
+    log: Annotated[Path, typer.Argument(help="Recording with odometry.")],
+    truth: Annotated[
+        Path | None, typer.Option(help="Corrected log that belongs to a raw one: its scans are localized and judged.")
+    ] = None,
+    start: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option(metavar="X Y HEADING", help="About where the drive begins: m, m, degrees."),
+    ] = None,
+    scans: Annotated[str, typer.Option(help=SELECTION_HELP)] = "all",
+    config: Annotated[Path | None, typer.Option(help="Settings, TOML or JSON; see settings.json of any run.")] = None,
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder of all runs.")] = Path("results"),
+    plots: Annotated[bool, typer.Option(help="Draw figures.")] = True,
+    threads: Threads = None,
+) -> None:
+    """Track a recording scan by scan, smooth the whole of it, and write trajectories, metrics and figures.
+
+    Without --start the drive begins at the first pose of its truth.
+
+    [bold]Examples[/bold]
+
+    [green]factorloc localize intel.h5 intel.clf.bz2 --start 0.6 0.0 -20[/green]
+
+    [green]factorloc localize intel.h5 intel.clf.bz2 --truth intel-corrected.log.gz --scans odd[/green]
+    """
+    import numpy as np
+
+    from factorloc.config import read_config
+    from factorloc.datasets import open_drive
+    from factorloc.errors import DataError
+    from factorloc.localization import LocalizationSettings
+    from factorloc.localization import localize as run
+    from factorloc.localization.run_folder import RunFolder, new_run_folder
+    from factorloc.mapping import read_map
+
+    use_threads(threads)
+    settings = LocalizationSettings() if config is None else read_config(config, LocalizationSettings)
+    statistics = read_map(map_file)
+    drive: Drive = open_drive(log) if truth is None else open_drive(log, truth=truth)
+    drive = drive.select(select_scans(len(drive), scans))
+    if start is not None:
+        pose = np.array([start[0], start[1], np.radians(start[2])])
+    elif drive.truth is not None:
+        pose = drive.truth.poses[0]
+        console.print("start: the first pose of the truth (choose another with --start X Y HEADING)")
+    else:
+        raise DataError(f"{log}: holds no true poses to start from; say where it begins with --start X Y HEADING")
+    with progress_bar("tracking", len(drive)) as progress:
+        found = run(
+            statistics, drive.scans, drive.odometry, pose, known=drive.odometry_known, settings=settings, progress=progress
+        )
+    folder = RunFolder(new_run_folder(output), plots)
+    results = {"tracked": found.tracked, "smoothed": found.smoothed}
+    folder.write_settings(settings)
+    for name, result in results.items():
+        folder.write_result(name, result)
+    folder.write_account(
+        results, map=map_file.name, recording=drive.name, scans=scans, reports=[str(report) for report in drive.reports]
+    )
+    paths = {name: result.trajectory for name, result in results.items()}
+    if drive.truth is not None:
+        truth_in_map = drive.truth
+        for name, report in folder.write_evaluation(paths, truth_in_map).items():
+            console.print(report.table(name))
+    folder.draw(statistics, paths, results, drive.truth)
+    for name, result in results.items():
+        console.print(f"{name}: {result.summary()}, {result.seconds:.2f} s")
+    console.print(f"results: {folder.folder} (also {output / 'latest'})")

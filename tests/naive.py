@@ -1,0 +1,186 @@
+"""Slow reference implementations: one ray, one piece, one integral at a time, by the definition and without a trick."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from scipy.integrate import trapezoid
+from scipy.optimize import minimize
+from scipy.stats import gamma
+
+from factorloc.geometry import se2
+from factorloc.mapping.grid import Grid
+from factorloc.scan import RayStatus, Scan
+
+UNIT = 2.0**-20
+"""Shortest path that is a visit, m."""
+
+NEAR = 1e-9
+"""A point nearer to a grid line than this many cells may be taken for either side of it."""
+
+
+class Ray(NamedTuple):
+    """A ray in the frame of the map."""
+
+    origin: np.ndarray
+    direction: np.ndarray
+    length: float
+    status: int
+
+
+class Piece(NamedTuple):
+    """The part of a ray between two crossings, and the cell it lies in: None outside the grid."""
+
+    start: float
+    stop: float
+    cell: tuple[int, ...] | None
+
+    @property
+    def length(self) -> float:
+        return self.stop - self.start
+
+
+def rays(scan: Scan, T_map_body) -> list[Ray]:
+    """Rays of a planar scan in the frame of the map, moved there by matrices."""
+    T = se2.matrix(T_map_body) @ se2.matrix(scan.T_body_sensor)
+    return [
+        Ray((T @ [*origin, 1])[:2], T[:2, :2] @ direction, float(length), int(status))
+        for origin, direction, length, status in zip(
+            scan.origins, scan.directions, scan.ranges, scan.status, strict=True
+        )
+    ]
+
+
+def cell_at(ray: Ray, t: float, grid: Grid) -> tuple[int, ...] | None:
+    """The cell of the point at ray parameter ``t``."""
+    index = np.floor((ray.origin - grid.origin) / grid.resolution + ray.direction / grid.resolution * t)
+    inside = ((index >= 0) & (index < grid.shape)).all()
+    return tuple(int(i) for i in index) if inside else None
+
+
+def pieces(ray: Ray, grid: Grid) -> list[Piece]:
+    """Cut a ray at all lines of a grid, in order, and find the cell of every piece by its midpoint."""
+    crossings = [0.0, ray.length]
+    for low, cells, origin, direction in zip(grid.origin, grid.shape, ray.origin, ray.direction, strict=True):
+        position, velocity = (origin - low) / grid.resolution, direction / grid.resolution
+        if velocity != 0:
+            with np.errstate(over="ignore"):
+                at = (np.arange(cells + 1) - position) / velocity
+            crossings += [float(t) for t in at if 0 < t < ray.length]
+    crossings.sort()
+    return [Piece(a, b, cell_at(ray, (a + b) / 2, grid)) for a, b in zip(crossings, crossings[1:], strict=False)]
+
+
+class Counts(NamedTuple):
+    """Hits, misses and path lengths (m) of the cells, and which of them rounding may have put beside the truth."""
+
+    hits: np.ndarray
+    misses: np.ndarray
+    path: np.ndarray
+    doubtful: np.ndarray
+
+
+def ray_statistics(walked: list[Ray], grid: Grid) -> Counts:
+    """Hits, misses and path lengths of rays; those below the minimum range leave nothing."""
+    counts = Counts(*(np.zeros(grid.shape, kind) for kind in (int, int, float, bool)))
+    for ray in walked:
+        if ray.status == RayStatus.BELOW_MINIMUM:
+            continue
+        end = cell_at(ray, ray.length, grid) if ray.status == RayStatus.RETURN else None
+        if end is not None:
+            counts.hits[end] += 1
+        _doubt(counts.doubtful, ray, ray.length, grid)
+        for piece in pieces(ray, grid):
+            _doubt(counts.doubtful, ray, (piece.start + piece.stop) / 2, grid)
+            if piece.cell is None:
+                continue
+            counts.path[piece.cell] += piece.length
+            counts.doubtful[piece.cell] |= piece.length < 2 * UNIT
+            if piece.cell != end and math.floor(piece.stop / UNIT) > math.floor(piece.start / UNIT):
+                counts.misses[piece.cell] += 1
+    return counts
+
+
+def _doubt(doubtful: np.ndarray, ray: Ray, t: float, grid: Grid) -> None:
+    point = (ray.origin + ray.direction * t - grid.origin) / grid.resolution
+    for x in np.unique(np.floor(point[0] + [-NEAR, NEAR])):
+        for y in np.unique(np.floor(point[1] + [-NEAR, NEAR])):
+            if (x, y) != tuple(np.floor(point)) or _near_a_line(point):
+                if 0 <= x < grid.shape[0] and 0 <= y < grid.shape[1]:
+                    doubtful[int(x), int(y)] = True
+
+
+def _near_a_line(point: np.ndarray) -> bool:
+    return bool((np.abs(point - np.round(point)) < NEAR).any())
+
+
+def lengths_by_cell(ray: Ray, grid: Grid) -> dict[tuple[int, ...] | None, float]:
+    """Path length of a ray in each cell it crosses; None is all that lies outside."""
+    lengths: dict[tuple[int, ...] | None, float] = {}
+    for piece in pieces(ray, grid):
+        lengths[piece.cell] = lengths.get(piece.cell, 0.0) + piece.length
+    return lengths
+
+
+def decay_log_likelihood(ray: Ray, limits: tuple[float, float], grid: Grid, rates: np.ndarray, outside: float) -> float:
+    """Log-likelihood of a ray under known decay rates (thesis, eq. 7.13 to 7.16)."""
+    ray = _up_to_its_limit(ray, limits)
+
+    def rate(cell):
+        return outside if cell is None else rates[cell]
+
+    integral = sum(rate(cell) * length for cell, length in lengths_by_cell(ray, grid).items())
+    end = rate(cell_at(ray, ray.length, grid))
+    return _log_likelihood(ray, -integral, math.log(end) if end > 0 else -math.inf)
+
+
+def posterior_log_likelihood(
+    ray: Ray, limits: tuple[float, float], grid: Grid, shapes: np.ndarray, paths: np.ndarray, prior: tuple[float, float]
+) -> float:
+    """Log-likelihood of a ray under Gamma posteriors of the rates (thesis, section 8.4.5)."""
+    ray = _up_to_its_limit(ray, limits)
+    lengths = lengths_by_cell(ray, grid)
+
+    def posterior(cell):
+        return prior if cell is None else (shapes[cell], paths[cell])
+
+    log_pass = 0.0
+    for cell, length in lengths.items():
+        a, b = posterior(cell)
+        log_pass += a * math.log(b / (b + length))
+    end = cell_at(ray, ray.length, grid)
+    a, b = posterior(end)
+    return _log_likelihood(ray, log_pass, math.log(a / (b + lengths.get(end, 0.0))))
+
+
+def _up_to_its_limit(ray: Ray, limits: tuple[float, float]) -> Ray:
+    lengths = {RayStatus.RETURN: ray.length, RayStatus.BELOW_MINIMUM: limits[0], RayStatus.NO_RETURN: limits[1]}
+    return ray._replace(length=lengths[RayStatus(ray.status)])
+
+
+def _log_likelihood(ray: Ray, log_pass: float, log_rate: float) -> float:
+    if ray.status == RayStatus.NO_RETURN:
+        return log_pass
+    if ray.status == RayStatus.BELOW_MINIMUM:
+        return math.log(-math.expm1(log_pass)) if log_pass < 0 else -math.inf
+    return log_rate + log_pass
+
+
+def marginal_log_likelihood(shape: float, path: float, H: np.ndarray, R: np.ndarray) -> float:
+    """Log of the product over cells of the integral over the rate: prior times ``rate^H exp(-rate R)``."""
+    log_rate = np.linspace(-60.0, 15.0, 6001)
+    rate = np.exp(log_rate)
+    density = gamma.pdf(rate, shape, scale=1 / path) * rate  # in the logarithm of the rate
+    seen = np.exp(H[:, None] * log_rate - rate * R[:, None])
+    return float(np.log(trapezoid(density * seen, log_rate, axis=1)).sum())
+
+
+def marginal_prior(H: np.ndarray, R: np.ndarray) -> tuple[float, float]:
+    """Shape and path of the Gamma prior that maximizes the marginal likelihood, without its gradient."""
+    found = minimize(
+        lambda logs: -marginal_log_likelihood(*np.exp(logs), H, R),
+        np.zeros(2),
+        method="Nelder-Mead",
+        options={"xatol": 1e-6, "fatol": 1e-10, "maxiter": 2000},
+    )
+    return float(np.exp(found.x[0])), float(np.exp(found.x[1]))
