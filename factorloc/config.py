@@ -28,13 +28,13 @@ class Block(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
-    def __init__(self, **values: Any) -> None:
+    def __init__(self, /, **values: Any) -> None:
         try:
             super().__init__(**values)
         except ValidationError as error:
             raise ConfigError(f"{type(self).__name__}: {_first_problem(error)}") from error
 
-    def replaced(self, **values: Any) -> Self:
+    def replaced(self, /, **values: Any) -> Self:
         """Return a copy with some settings changed, checked like any other."""
         return type(self)(**{**{name: getattr(self, name) for name in type(self).model_fields}, **values})
 
@@ -43,7 +43,10 @@ def _first_problem(error: ValidationError) -> str:
     problems = error.errors()
     first = problems[0]
     where = ".".join(str(part) for part in first["loc"]) or "settings"
-    if first["type"] == "extra_forbidden":
+    cause = first.get("ctx", {}).get("error")
+    if isinstance(cause, ConfigError):  # a block within: its own line, below the path that leads to it
+        text = f"{where}.{str(cause).partition(': ')[2]}"
+    elif first["type"] == "extra_forbidden":
         text = f"{where}: no such setting; remove it or correct its name"
     else:
         text = f"{where}: {first['msg'][0].lower()}{first['msg'][1:]}, not {first['input']!r}"
@@ -76,9 +79,7 @@ def read_config(path: Path | str, block: type[_B]) -> _B:
     if not isinstance(values, dict):
         raise ConfigError(f"{path}: expected a table of settings")
     try:
-        return block.model_validate(values)
-    except ValidationError as error:
-        raise ConfigError(f"{path}: {_first_problem(error)}") from error
+        return block(**values)
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from error
 

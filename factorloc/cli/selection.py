@@ -39,7 +39,7 @@ def select_scans(count: int, wanted: str) -> npt.NDArray[np.int64]:
     else:
         try:
             parts = [int(part) if part else None for part in wanted.split(":")]
-            if not 2 <= len(parts) <= 3 or (len(parts) == 3 and (parts[2] or 1) < 1):
+            if not 2 <= len(parts) <= 3 or (len(parts) == 3 and parts[2] is not None and parts[2] < 1):
                 raise ValueError
         except ValueError:
             raise ConfigError(f"--scans {wanted}: not a selection; use {', '.join(names)} or start:stop:step") from None

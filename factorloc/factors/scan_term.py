@@ -273,7 +273,7 @@ class DistanceFieldTerm(GridScanTerm):
     Raises
     ------
     MapError
-        If no cell reflects, or scans and map differ in dimension.
+        If no cell reflects, the blurs do not decrease, or scans and map differ in dimension.
     """
 
     def __init__(
@@ -288,6 +288,8 @@ class DistanceFieldTerm(GridScanTerm):
         farthest: float = 1.5,
         blurs: Sequence[float] = DEFAULT_BLURS,
     ) -> None:
+        if not blurs or min(blurs) < 0 or any(a <= b for a, b in zip(blurs, blurs[1:], strict=False)):
+            raise MapError(f"blurs: {tuple(blurs)} m; expected decreasing lengths, 0 at the end for the map itself")
         grid = statistics.grid
         occupied = statistics.hits > least_rate * statistics.path_lengths
         if not occupied.any():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -43,6 +43,9 @@ class LocalizationSettings(Block):
         Coarsest level on which the whole graph is smoothed, m.
     start_position, start_heading : float
         Standard deviations of the start pose, m and rad.
+    map_position, map_heading : float
+        Standard deviations of what the map itself is wrong by at any one place, m and rad: its cells, and the poses it
+        was built from. No number of rays averages that out, so it is added to every covariance reported.
     odometry : OdometryNoise
         Noise of the motions.
     tracking : TrackingSettings
@@ -56,6 +59,8 @@ class LocalizationSettings(Block):
     smoothing_blur: float = Field(0.25, ge=0)
     start_position: float = Field(1.0, gt=0)
     start_heading: float = Field(float(np.radians(10.0)), gt=0)
+    map_position: float = Field(0.02, ge=0)
+    map_heading: float = Field(0.003, ge=0)
     odometry: OdometryNoise = OdometryNoise()
     tracking: TrackingSettings = TrackingSettings()
     registration: RegistrationSettings = RegistrationSettings()
@@ -139,7 +144,16 @@ def localize(
         term, odometry, tracked.trajectory.poses, prior=start, known=known, stamps=stamps, frame=frame,
         noise=settings.odometry, levels=levels, settings=settings.optimizer, progress=on_iteration,
     )  # fmt: skip
-    return Localization(tracked, smoothed)
+    floor = np.diag(np.square([settings.map_position, settings.map_position, settings.map_heading]))
+    return Localization(_widened(tracked, floor), _widened(smoothed, floor))
+
+
+def _widened(result: Result, covariance: npt.NDArray[np.float64]) -> Result:
+    """Add a covariance to that of every pose."""
+    trajectory = result.trajectory
+    if trajectory.covariances is None:
+        return result
+    return replace(result, trajectory=replace(trajectory, covariances=trajectory.covariances + covariance))
 
 
 def make_term(statistics: RayStatistics, scans: Sequence[Scan], settings: LocalizationSettings) -> GridScanTerm:

@@ -1,8 +1,8 @@
 """Integrals of piecewise constant decay rates along planar rays, with and without their gradient.
 
 The walk runs along the dominant axis of a ray, one column of cells a step. In a column a ray meets at most two cells,
-``rate_0`` where it enters and ``rate_1`` where it leaves; the piece in the second is ``(y - line) / v_b`` long, with ``y``
-the minor coordinate at the exit and ``line`` the grid line in between. The column's integral is then
+``rate_0`` where it enters and ``rate_1`` where it leaves; the piece in the second is ``(y - line) / v_b`` long, with
+``y`` the minor coordinate at the exit and ``line`` the grid line in between. The column's integral is then
 
     rate_0 * column length + (rate_1 - rate_0) * (y - line) / v_b,
 
@@ -16,9 +16,12 @@ begins at 1), ``v`` a direction divided by the resolution, so that the ray param
 
 import math
 
+import numpy as np
+
 from factorloc._jit import kernel
 from factorloc.mapping._traversal_kernels import clip_ray
 
+_STEEPEST = 1.0 - 2.0**-36  # cells/column; a ray at 45 degrees, from corner to corner, skips no cell by rounding
 _PARALLEL_TO_AXIS = 1e-9  # cells/m; a ray this close to an axis crosses no line it does not lie on
 
 
@@ -53,70 +56,59 @@ def walk_columns(rates, stride, p_x, p_y, v_x, v_y, t_in, t_out):
     p_a, v_a, s_a = (p_x, v_x, stride) if along_x else (p_y, v_y, 1)
     p_b, v_b, s_b = (p_y, v_y, 1) if along_x else (p_x, v_x, stride)
     first = math.floor(p_a + v_a * t_in)
-    columns = abs(math.floor(p_a + v_a * t_out) - first)
+    columns = abs(math.floor(p_a + v_a * t_out) - first)  # without the last
     i_a = 1.0 / v_a
     i_b = 1.0 / v_b if abs(v_b) > _PARALLEL_TO_AXIS else 0.0
     pace = abs(i_a)
-    t_line = ((first + 1.0 if v_a > 0.0 else first) - p_a) * i_a
-    slope = v_b * pace
+    slope = min(max(v_b * pace, -_STEEPEST), _STEEPEST)
     next_column = s_a if v_a > 0.0 else -s_a
+
+    # The first column is walked from its own line, which lies before t_in; what is too much is taken off at the end.
+    t_first = ((first if v_a > 0.0 else first + 1.0) - p_a) * i_a
+    y = p_b + v_b * t_first
+    below = np.floor(y + slope)
+    line = min(max(np.floor(p_b + v_b * t_in), below - 1.0), below + 1.0)
     column = first * s_a
-
-    # First column, from t_in to its exit.
-    t_1 = t_line if columns > 0 else t_out
-    y_1 = p_b + v_b * t_1
-    b_0 = math.floor(p_b + v_b * t_in)
-    b_1 = math.floor(y_1)
-    rate_in = rates[column + b_0 * s_b]
-    rate_out = rates[column + b_1 * s_b]
-    change = rate_out - rate_in
-    piece = (y_1 - max(b_0, b_1)) * i_b
-    total = rate_in * (t_1 - t_in) + change * piece
-    jump_b = change
-    moment_b = change * (t_1 - piece)
-    moment_a = 0.0
-    if columns > 0:
-        moment_a = -rate_out * t_line
-        # Whole columns: sums of rates, and of rate changes plain, times (y - line) and times the column's number.
-        sum_rate = 0.0
-        sum_change = 0.0
-        sum_piece = 0.0
-        sum_number = 0.0
-        b_0 = b_1
-        y = p_b + v_b * t_line
-        for k in range(1, columns):
-            column += next_column
-            y += slope
-            b_1 = int(y)
-            if b_1 < 0:  # never: the ray is inside the array; keeps the loop scalar, which is faster than gathering
-                break
-            rate_0 = rates[column + b_0 * s_b]
-            change = rates[column + b_1 * s_b] - rate_0
-            sum_rate += rate_0
-            sum_change += change
-            sum_piece += change * (y - max(b_0, b_1))
-            sum_number += change * k
-            b_0 = b_1
-        sum_time = t_line * sum_change + pace * sum_number
-        total += sum_rate * pace + sum_piece * i_b
-        jump_b += sum_change
-        moment_b += sum_time - sum_piece * i_b
-        moment_a -= sum_time + pace * sum_rate
-
-        # Last column, from its entry to t_out.
+    cell = column + int(line) * s_b
+    rate_in = rates[cell]
+    # Sums of rates, and of rate changes plain, times (y - line) and times the number of the column's exit.
+    sum_rate = 0.0
+    sum_change = 0.0
+    sum_piece = 0.0
+    sum_number = 0.0
+    for k in range(1, columns + 1):
+        y += slope
+        row = int(y)
+        if row < 0:  # never: the ray is inside the array; keeps the loop scalar, which is faster than gathering
+            break
+        below = np.floor(y)
+        rate = rates[cell]
+        cell = column + row * s_b
+        change = rates[cell] - rate
+        sum_rate += rate
+        sum_change += change
+        sum_piece += change * (y - max(line, below))
+        sum_number += change * k
         column += next_column
-        t_0 = t_line + (columns - 1) * pace
-        y_1 = p_b + v_b * t_out
-        b_1 = math.floor(y_1)
-        rate_0 = rates[column + b_0 * s_b]
-        rate_out = rates[column + b_1 * s_b]
-        change = rate_out - rate_0
-        piece = (y_1 - max(b_0, b_1)) * i_b
-        total += rate_0 * (t_out - t_0) + change * piece
-        jump_b += change
-        moment_b += change * (t_out - piece)
-        moment_a += rate_0 * t_0
+        cell += next_column
+        line = below
+
+    # Last column, from its line to t_out.
+    t_last = t_first + columns * pace
+    y = p_b + v_b * t_out
+    below = min(max(np.floor(y), line - 1.0), line + 1.0)
+    rate = rates[cell]
+    rate_out = rates[column + int(below) * s_b]
+    change = rate_out - rate
+    pieces = (sum_piece + change * (y - max(line, below))) * i_b
+    total = sum_rate * pace + rate * (t_out - t_last) - rate_in * (t_in - t_first) + pieces
+
+    # All lines together: the changes add up to rate_out - rate_in, and by parts, with the changes times t, the integral
+    # is rate_out t_out - rate_in t_in less their sum. What is not across b is across a.
+    jump_b = sum_change + change
+    moment_b = sum_change * t_first + sum_number * pace + change * t_out - pieces
     jump_a = rate_out - rate_in - jump_b
+    moment_a = rate_out * t_out - rate_in * t_in - total - moment_b
     if along_x:
         return total, jump_a, jump_b, moment_a, moment_b
     return total, jump_b, jump_a, moment_b, moment_a
@@ -135,8 +127,8 @@ def decay_log_likelihoods(
     """Log-likelihood of each ray under constant decay rates (thesis, eq. 7.13 to 7.16).
 
     A return has the density ``log rate(end) - integral``, 1/m; a ray without return the probability
-    ``exp(-integral to the maximum)``, one below the minimum ``1 - exp(-integral to the minimum)``. Integrals stop exactly
-    at the limits, inside a cell, so that the three add up to one.
+    ``exp(-integral to the maximum)``, one below the minimum ``1 - exp(-integral to the minimum)``. Integrals stop
+    exactly at the limits, inside a cell, so that the three add up to one.
 
     Parameters
     ----------
@@ -181,8 +173,8 @@ def decay_log_likelihoods(
         elif status[k] == 1:
             out[k] = math.log(-math.expm1(-integral)) if integral > 0.0 else -math.inf
         else:
-            i_x = int(math.floor(p_x + v_x * length))
-            i_y = int(math.floor(p_y + v_y * length))
+            i_x = math.floor(p_x + v_x * length)
+            i_y = math.floor(p_y + v_y * length)
             log_rate = log_outside
             if 0 <= i_x < n_x and 0 <= i_y < n_y:
                 log_rate = log_rates[(i_x + 1) * (n_y + 2) + i_y + 1]
@@ -219,20 +211,21 @@ def posterior_log_likelihoods(
         end_shape = prior_shape
         end_path = prior_path + passed_outside
         if through:
-            i_x = min(max(int(math.floor(p_x + v_x * t_in)), 0), n_x - 1)
-            i_y = min(max(int(math.floor(p_y + v_y * t_in)), 0), n_y - 1)
-            e_x = min(max(int(math.floor(p_x + v_x * t_out)), 0), n_x - 1)
-            e_y = min(max(int(math.floor(p_y + v_y * t_out)), 0), n_y - 1)
+            i_x = min(max(math.floor(p_x + v_x * t_in), 0), n_x - 1)
+            i_y = min(max(math.floor(p_y + v_y * t_in), 0), n_y - 1)
+            e_x = min(max(math.floor(p_x + v_x * t_out), 0), n_x - 1)
+            e_y = min(max(math.floor(p_y + v_y * t_out), 0), n_y - 1)
             line_x = i_x + 1.0 if v_x > 0.0 else float(i_x)
             line_y = i_y + 1.0 if v_y > 0.0 else float(i_y)
             step_x = 1 if v_x > 0.0 else -1
             step_y = 1 if v_y > 0.0 else -1
-            t_x = (line_x - p_x) / v_x if v_x != 0.0 else math.inf
-            t_y = (line_y - p_y) / v_y if v_y != 0.0 else math.inf
+            # A ray along a line may cross it by its direction and not by its end, which is rounded; the end decides.
+            t_x = (line_x - p_x) / v_x if i_x != e_x else math.inf
+            t_y = (line_y - p_y) / v_y if i_y != e_y else math.inf
             cell = (i_x + 1) * width + i_y + 1
             t = t_in
             for _ in range(abs(e_x - i_x) + abs(e_y - i_y)):
-                t_next = max(min(t_x, t_y), t)
+                t_next = max(min(min(t_x, t_y), t_out), t)
                 log_pass -= shapes[cell] * math.log1p((t_next - t) / paths[cell])
                 t = t_next
                 if t_x < t_y:

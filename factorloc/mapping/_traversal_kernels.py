@@ -73,10 +73,10 @@ def accumulate(origins, directions, lengths, is_return, first, last, low, resolu
         v_x = directions[k, 0] * inverse
         v_y = directions[k, 1] * inverse
         length = lengths[k]
-        i_x = int(math.floor(p_x))
-        i_y = int(math.floor(p_y))
-        e_x = int(math.floor(p_x + v_x * length))
-        e_y = int(math.floor(p_y + v_y * length))
+        i_x = math.floor(p_x)
+        i_y = math.floor(p_y)
+        e_x = math.floor(p_x + v_x * length)
+        e_y = math.floor(p_y + v_y * length)
         ends_here = is_return[k]
         t_in = 0.0
         t_out = length
@@ -86,10 +86,10 @@ def accumulate(origins, directions, lengths, is_return, first, last, low, resolu
             if t_in > t_out:
                 continue
             ends_here = ends_here and 0 <= e_x < n_x and 0 <= e_y < n_y
-            i_x = min(max(int(math.floor(p_x + v_x * t_in)), 0), n_x - 1)
-            i_y = min(max(int(math.floor(p_y + v_y * t_in)), 0), n_y - 1)
-            e_x = min(max(int(math.floor(p_x + v_x * t_out)), 0), n_x - 1)
-            e_y = min(max(int(math.floor(p_y + v_y * t_out)), 0), n_y - 1)
+            i_x = min(max(math.floor(p_x + v_x * t_in), 0), n_x - 1)
+            i_y = min(max(math.floor(p_y + v_y * t_in), 0), n_y - 1)
+            e_x = min(max(math.floor(p_x + v_x * t_out), 0), n_x - 1)
+            e_y = min(max(math.floor(p_y + v_y * t_out), 0), n_y - 1)
         i_v_x = 1.0 / v_x
         i_v_y = 1.0 / v_y
         line_x = i_x + 1.0 if v_x >= 0.0 else float(i_x)
@@ -98,13 +98,14 @@ def accumulate(origins, directions, lengths, is_return, first, last, low, resolu
         step_y = 1.0 if v_y >= 0.0 else -1.0
         stride_x = width if v_x >= 0.0 else -width
         stride_y = 1 if v_y >= 0.0 else -1
-        t_x = (line_x - p_x) * i_v_x if v_x != 0.0 else math.inf
-        t_y = (line_y - p_y) * i_v_y if v_y != 0.0 else math.inf
+        # A ray along a line may cross it by its direction and not by its end, which is rounded; the end decides.
+        t_x = (line_x - p_x) * i_v_x if i_x != e_x else math.inf
+        t_y = (line_y - p_y) * i_v_y if i_y != e_y else math.inf
         cell = (i_x + 1) * width + i_y + 1
         before = int(t_in * FIXED_POINT)
         for _ in range(abs(e_x - i_x) + abs(e_y - i_y)):
             if t_x < t_y:
-                here = int(t_x * FIXED_POINT)
+                here = int(min(t_x, t_out) * FIXED_POINT)
                 if here > before:
                     path_misses[cell, 0] += here - before
                     path_misses[cell, 1] += 1
@@ -113,7 +114,7 @@ def accumulate(origins, directions, lengths, is_return, first, last, low, resolu
                 line_x += step_x
                 t_x = (line_x - p_x) * i_v_x
             else:
-                here = int(t_y * FIXED_POINT)
+                here = int(min(t_y, t_out) * FIXED_POINT)
                 if here > before:
                     path_misses[cell, 0] += here - before
                     path_misses[cell, 1] += 1

@@ -1,0 +1,5 @@
+"""``python -m factorloc``: the command line."""
+
+from factorloc.cli import main
+
+main()
