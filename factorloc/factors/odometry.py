@@ -13,7 +13,7 @@ from factorloc.config import Block
 from factorloc.errors import GeometryError
 from factorloc.geometry import se2, wrap
 
-__all__ = ["OdometryNoise", "odometry_factors"]
+__all__ = ["OdometryNoise", "known_motions", "odometry_factors"]
 
 Array = npt.NDArray[np.float64]
 
@@ -97,6 +97,20 @@ class OdometryNoise(Block):
         return np.asarray(covariance)
 
 
+def known_motions(known: npt.ArrayLike | None, count: int) -> npt.NDArray[np.bool_]:
+    """Which of so many motions were measured, shape (count,); all if nothing is said.
+
+    Raises
+    ------
+    GeometryError
+        If there is not one flag a motion.
+    """
+    flags = np.ones(count, np.bool_) if known is None else np.asarray(known, np.bool_)
+    if flags.shape != (count,):
+        raise GeometryError(f"known: shape {flags.shape}; expected one flag for each of the {count} motions")
+    return flags
+
+
 def odometry_factors(
     keys: Sequence[int], motions: npt.ArrayLike, noise: OdometryNoise, known: npt.ArrayLike | None = None
 ) -> Iterator[gtsam.BetweenFactorPose2]:
@@ -116,12 +130,12 @@ def odometry_factors(
     Raises
     ------
     GeometryError
-        If there is not one motion between each pair of neighbours.
+        If there is not one motion, and one flag, between each pair of neighbours.
     """
     motion = se2.as_poses(motions, "motions")
     if len(motion) != len(keys) - 1:
         raise GeometryError(f"motions: {len(motion)} between {len(keys)} poses; expected {len(keys) - 1}")
-    use = np.ones(len(motion), bool) if known is None else np.asarray(known, bool)
+    use = known_motions(known, len(motion))
     loss = gtsam.noiseModel.mEstimator.Huber.Create(noise.huber)
     for k, covariance in enumerate(noise.covariances(motion)):
         if use[k]:

@@ -30,17 +30,20 @@ class PosePrior:
     Raises
     ------
     GeometryError
-        If the covariance is not symmetric positive definite.
+        If the pose is not one finite planar pose, or the covariance not symmetric positive definite.
     """
 
     pose: Array
     covariance: Array
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "pose", se2.as_poses(self.pose, "prior pose"))
+        pose = se2.as_poses(self.pose, "prior pose")
+        if pose.shape != (3,):
+            raise GeometryError(f"prior pose: shape {pose.shape}; expected a single [x, y, theta]")
+        object.__setattr__(self, "pose", pose)
         covariance = np.asarray(self.covariance, np.float64)
-        if covariance.shape != (3, 3) or not np.allclose(covariance, covariance.T):
-            raise GeometryError(f"prior covariance: shape {covariance.shape}; expected a symmetric 3 x 3 matrix")
+        if covariance.shape != (3, 3) or not np.isfinite(covariance).all() or not np.allclose(covariance, covariance.T):
+            raise GeometryError(f"prior covariance: shape {covariance.shape}; expected a finite symmetric 3 x 3 matrix")
         if np.linalg.eigvalsh(covariance).min() <= 0:
             raise GeometryError("prior covariance: not positive definite; give every direction some variance")
         object.__setattr__(self, "covariance", covariance)

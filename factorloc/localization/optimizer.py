@@ -161,13 +161,16 @@ def optimize(
     Raises
     ------
     OptimizationError
-        If there is nothing to optimize, or the start has no finite cost.
+        If there is nothing to optimize, poses and factors do not fit, or the start has no finite cost.
     """
     settings = settings or OptimizerSettings()
     if initial.size() == 0:
         raise OptimizationError("graph: no poses to optimize")
     keys = initial.keys()
     dimension = initial.zeroVectors().at(keys[0]).size
+    if dimension not in (3, 6) or initial.dim() != dimension * len(keys):
+        raise OptimizationError("graph: its variables are not all of Pose2 or all of Pose3")
+    _check_keys(set(graph.keyVector()) | set(scans.keys if scans else ()), set(keys))
     damping = _Damping(keys, dimension, settings)
     state = _Descent(graph, gtsam.Values(initial), scans, damping, settings, progress)
     for level in levels if scans else (None,):
@@ -175,6 +178,13 @@ def optimize(
     return Optimized(
         state.values, state.cost, state.scan_costs, state.linearize(), tuple(state.history), state.stop
     )
+
+
+def _check_keys(used: set[int], given: set[int]) -> None:
+    for keys, lack in ((given - used, "are in no factor"), (used - given, "are in factors but have no start")):
+        if keys:
+            first = gtsam.DefaultKeyFormatter(min(keys))
+            raise OptimizationError(f"graph: {len(keys)} of its poses {lack}, the first is {first}")
 
 
 class _Descent:
@@ -264,6 +274,6 @@ class _Descent:
             self._step += 1
         self.stop, self._step = StopReason.MAX_DAMPING, 0
         if first_error is not None and not self.history:
-            reason = str(first_error).strip().splitlines()[0]
-            raise OptimizationError(f"graph: cannot be solved ({reason}); is some pose without any factor?")
+            reason = " ".join(str(first_error).split()).partition(". ")[0]
+            raise OptimizationError(f"graph: cannot be solved ({reason})")
         return 0

@@ -117,7 +117,7 @@ def register(
     Raises
     ------
     GeometryError
-        If a guess is not a finite planar pose.
+        If a guess is not a finite planar pose, or names a scan or level that does not exist.
     """
     settings = settings or RegistrationSettings()
     poses = se2.as_poses(guesses, "guesses")
@@ -127,7 +127,11 @@ def register(
     scan = np.zeros(n, np.int64) if scan_of_guess is None else np.ascontiguousarray(scan_of_guess, np.int64)
     if scan.shape != (n,) or (n and not 0 <= scan.min() <= scan.max() < term.scans):
         raise GeometryError(f"scan_of_guess: expected {n} indices below {term.scans}")
-    through = np.arange(len(term.blurs)) if levels is None else np.asarray(levels) % len(term.blurs)
+    count = len(term.blurs)
+    through = np.arange(count) if levels is None else np.array(levels, np.int64)
+    if len(through) == 0 or not -count <= through.min() <= through.max() < count:
+        raise GeometryError(f"levels: {through.tolist()}; expected at least one, the map has {count}")
+    through %= count
     mean, world = (np.zeros(3), np.zeros((3, 3))) if prior is None else (prior.pose, _in_world(prior))
     costs, hessians = np.empty(n), np.empty((n, 3, 3))
     trials, converged = np.empty(n, np.int64), np.empty(n, np.bool_)
@@ -135,7 +139,7 @@ def register(
     descend: Any = register_batch_parallel if n > 1 else register_batch
     descend(
         term.model, poses, scan, rays.origins, rays.directions, rays.ranges, rays.offsets, term.primary,
-        term.secondary, term.numbers, np.array(term.blurs), through.astype(np.int64), *term.layout, term.information,
+        term.secondary, term.numbers, np.array(term.blurs), through, *term.layout, term.information,
         mean, world, settings.limits, costs, hessians, trials, converged,
     )  # fmt: skip
     return Registration(poses, costs, hessians, trials, converged)

@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 from gtsam.symbol_shorthand import X
 
-from factorloc.errors import GeometryError
-from factorloc.factors.odometry import OdometryNoise, odometry_factors
+from factorloc.errors import GeometryError, OptimizationError
+from factorloc.factors.odometry import OdometryNoise, known_motions, odometry_factors
 from factorloc.factors.prior import PosePrior
 from factorloc.factors.scan_term import GridScanTerm, ScanTerm
 from factorloc.geometry import se2
@@ -81,14 +81,14 @@ def smooth(
     Raises
     ------
     GeometryError
-        If the numbers of scans, motions and poses disagree.
+        If the numbers of scans, motions, flags and poses disagree.
     OptimizationError
         If the graph cannot be solved.
     """
-    poses = se2.as_poses(np.reshape(initial, (-1, 3)), "initial")
-    motions = se2.as_poses(np.reshape(odometry, (-1, 3)), "odometry")
-    if not len(poses) == term.scans == len(motions) + 1:
-        raise GeometryError(f"smooth: {term.scans} scans, {len(poses)} poses, {len(motions)} motions do not fit")
+    poses, motions = se2.as_poses(initial, "initial"), se2.as_poses(odometry, "odometry")
+    if poses.shape != (term.scans, 3) or motions.shape != (term.scans - 1, 3):
+        raise GeometryError(f"smooth: {term.scans} scans, poses {poses.shape} and motions {motions.shape} do not fit")
+    measured = known_motions(known, len(motions))
     began = time.perf_counter()
     keys = [X(k) for k in range(len(poses))]
     graph = gtsam.NonlinearFactorGraph()
@@ -97,7 +97,7 @@ def smooth(
         graph.push_back(prior.factor(keys[0]))
         kinds.append("prior")
     noise = noise or OdometryNoise()
-    for factor in odometry_factors(keys, motions, noise, known):
+    for factor in odometry_factors(keys, motions, noise, measured):
         graph.push_back(factor)
         kinds.append("odometry")
     values = _values(keys, poses)
@@ -106,7 +106,6 @@ def smooth(
     scans = ScanFactors(term, keys)
     coarse = optimize(graph, values, scans, levels=levels, settings=settings, progress=progress)
     smoothed = pose_array(coarse.values)
-    measured = np.ones(len(motions), bool) if known is None else np.asarray(known, bool)
     candidates = [poses, smoothed]
     if isinstance(term, GridScanTerm):
         # Each scan alone, from where the graph holds it: a pose that others keep from moving gets its own steps.
@@ -138,6 +137,15 @@ def _values(keys: Sequence[int], poses: Array) -> gtsam.Values:
 
 
 def marginal_covariances(found: Optimized, keys: Sequence[int]) -> Array:
-    """Marginal covariance of each pose, shape (N, d, d), in the tangent space of the body."""
-    marginals = gtsam.Marginals(found.linear, found.values)
-    return np.array([marginals.marginalCovariance(key) for key in keys])
+    """Marginal covariance of each pose, shape (N, d, d), in the tangent space of the body.
+
+    Raises
+    ------
+    OptimizationError
+        If nothing determines some pose.
+    """
+    try:
+        marginals = gtsam.Marginals(found.linear, found.values)
+        return np.array([marginals.marginalCovariance(key) for key in keys])
+    except RuntimeError as error:  # gtsam's name for an indeterminate system
+        raise OptimizationError("graph: nothing determines some of its poses; give a prior, or scans with returns") from error

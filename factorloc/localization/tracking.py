@@ -12,7 +12,7 @@ from pydantic import Field
 
 from factorloc.config import Block
 from factorloc.errors import GeometryError
-from factorloc.factors.odometry import OdometryNoise
+from factorloc.factors.odometry import OdometryNoise, known_motions
 from factorloc.factors.prior import PosePrior
 from factorloc.factors.scan_term import GridScanTerm
 from factorloc.geometry import se2
@@ -129,14 +129,14 @@ def track(
     Raises
     ------
     GeometryError
-        If there is not one motion between each pair of scans.
+        If there is not one motion, and one flag, between each pair of scans.
     """
     settings, noise = settings or TrackingSettings(), noise or OdometryNoise()
-    motions = se2.as_poses(np.reshape(odometry, (-1, 3)), "odometry")
+    motions = se2.as_poses(odometry, "odometry")
     n = term.scans
-    if len(motions) != n - 1:
-        raise GeometryError(f"odometry: {len(motions)} motions between {n} scans; expected {n - 1}")
-    measured = np.ones(n - 1, bool) if known is None else np.asarray(known, bool)
+    if motions.shape != (n - 1, 3):
+        raise GeometryError(f"odometry: shape {motions.shape}; expected {n - 1} motions between {n} scans")
+    measured = known_motions(known, n - 1)
     lost = np.diag(np.square([settings.lost_position, settings.lost_position, settings.lost_heading]))
     motion_covariances = np.where(measured[:, None, None], noise.covariances(motions), lost)
     entries = [i for i, blur in enumerate(term.blurs) if blur <= settings.track_blur] or [len(term.blurs) - 1]
