@@ -63,9 +63,7 @@ def gradient(
         v_y = directions[k, 1] * inverse
         length = lengths[k]
         cell = math.floor(p_x + v_x * length) * stride + math.floor(p_y + v_y * length)
-        integral, jump_x, jump_y, moment_x, moment_y = walk_columns(
-            rates, stride, p_x, p_y, v_x, v_y, 0.0, length
-        )
+        integral, jump_x, jump_y, moment_x, moment_y = walk_columns(rates, stride, p_x, p_y, v_x, v_y, 0.0, length)
         out[k] = log_rates[cell] - integral
         jumps[k, 0] = jump_x
         jumps[k, 1] = jump_y

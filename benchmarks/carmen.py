@@ -39,9 +39,7 @@ NEES_RANGE = (0.5, 2.0)
 
 def main(argv: list[str] | None = None) -> int:
     """Run the benchmark; the exit code is 1 if a goal is missed."""
-    given = arguments(
-        "carmen", __doc__ or "", argv, log="intel", calibrate_on="", resolution=0.1
-    )
+    given = arguments("carmen", __doc__ or "", argv, log="intel", calibrate_on="", resolution=0.1)
     if given.data is None:
         print("no real data: set FACTORLOC_DATA or give --data")
         return 2
@@ -59,8 +57,9 @@ def main(argv: list[str] | None = None) -> int:
     runs = localize_from_around(log, settings, directions)
     smoothed = _add_errors(bench, "smoothed", [run.smoothed for run in runs], log)
     _add_errors(bench, "tracked", [run.tracked for run in runs], log)
-    bench.figure("seconds a scan, tracked", np.mean([run.tracked.seconds for run in runs]) / len(log.localizing), "s")
-    bench.figure("seconds a scan, smoothed", np.mean([run.smoothed.seconds for run in runs]) / len(log.localizing), "s")
+    scans = directions * len(log.localizing)
+    bench.figure("seconds a scan, tracked", sum(run.tracked.seconds for run in runs) / scans, "s")
+    bench.figure("seconds a scan, smoothed", sum(run.smoothed.seconds for run in runs) / scans, "s")
     _add_floor(bench, log, resolution, settings)
     _add_consistency(bench, smoothed, open_log(given.data, other, resolution), settings)
     _add_rivals(bench, given, log, settings)

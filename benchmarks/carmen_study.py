@@ -50,7 +50,7 @@ class Log:
 def open_log(data: Path, name: str, resolution: float, split: str = "alternate") -> Log:
     """Read a log and its truth, and build the map of one part.
 
-    The odometry is that of the raw log where there is one, else of the ODOM lines between the scans of the corrected log.
+    The odometry is that of the raw log where there is one, else of the ODOM lines between scans of the corrected log.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """Localize a lidar vehicle in a known map by smoothing a gtsam factor graph.
 
-The public names stand below, by the room they come from; they are imported when first used, so that ``import factorloc``
-costs next to nothing.
+The public names stand below, by the room they come from; they are imported when first used, so that
+``import factorloc`` costs next to nothing.
 
 >>> import factorloc as fl
 >>> fl.se2.compose([1.0, 0.0, 0.0], [1.0, 0.0, 0.0]).tolist()

@@ -13,10 +13,11 @@
 # %% [markdown]
 # # Localize a drive
 #
-# A building is simulated, driven twice, mapped on the first drive and localized in on the second. Every step is one call;
-# with a log of your own, replace the simulation by `fl.open_drive(path)`.
+# A building is simulated, driven twice, mapped on the first drive and localized in on the second. Every step is one
+# call; with a log of your own, replace the simulation by `fl.open_drive(path)`.
 
 # %%
+# %matplotlib inline
 import numpy as np
 
 import factorloc as fl
@@ -53,7 +54,9 @@ term = DecayRateTerm(BlurPyramid.from_statistics(statistics), second.scans[40:41
 truth = second.truth.poses[40]
 angles = np.linspace(0, 2 * np.pi, 16, endpoint=False)
 for radius, turn in [(0.5, 5), (1.0, 10), (2.0, 20)]:
-    offsets = np.column_stack([radius * np.cos(angles), radius * np.sin(angles), np.radians(turn) * (-1) ** np.arange(16)])
+    offsets = np.column_stack(
+        [radius * np.cos(angles), radius * np.sin(angles), np.radians(turn) * (-1) ** np.arange(16)]
+    )
     found = register(term, truth + offsets)
     home = np.hypot(*(found.poses - truth)[:, :2].T) < 0.1
     print(f"{radius} m, {turn} degrees: {home.mean():.0%} come home")
@@ -77,9 +80,7 @@ errors = {
 plot_errors_over_time(errors)
 
 # %%
-plot_error_coloured_path(
-    run.smoothed.trajectory, errors["smoothed"].translation, image, statistics.grid.extent
-)
+plot_error_coloured_path(run.smoothed.trajectory, errors["smoothed"].translation, image, statistics.grid.extent)
 
 # %% [markdown]
 # ## Which model?

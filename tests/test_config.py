@@ -69,10 +69,10 @@ def test_a_wrong_setting_is_named_in_one_line(values: dict, line: str) -> None:
     [
         ({"motor": {"gears": 0}}, "Vehicle: motor.gears: input should be greater than or equal to 1, not 0"),
         ({"motor": {"tyres": 4}}, "Vehicle: motor.tyres: no such setting; remove it or correct its name"),
-        ({"sizes": [1, "x"]}, "Vehicle: sizes.1: input should be a valid number, unable to parse string as a number, not 'x'"),
+        ({"sizes": [1, None]}, "Vehicle: sizes.1: input should be a valid number, not None"),
         ({"kind": "ship"}, "Vehicle: kind: input should be 'cart' or 'car', not 'ship'"),
     ],
-)  # fmt: skip
+)
 def test_a_wrong_setting_of_a_block_within_is_named_by_its_path(values: dict, line: str, tmp_path: Path) -> None:
     assert refusal(Vehicle, **values) == line
     path = tmp_path / "vehicle.json"
@@ -129,7 +129,9 @@ def test_settings_that_cannot_be_written_say_so(tmp_path: Path) -> None:
 def test_the_settings_of_the_localizer_round_trip(tmp_path: Path) -> None:
     from factorloc.localization import LocalizationSettings
 
-    settings = LocalizationSettings(information=0.3, blurs=(0.5, 0.0), odometry={"huber": 2.0}, tracking={"start_grid": 2})
+    settings = LocalizationSettings(
+        information=0.3, blurs=(0.5, 0.0), odometry={"huber": 2.0}, tracking={"start_grid": 2}
+    )
     write_config(tmp_path / "settings.json", settings)
     assert read_config(tmp_path / "settings.json", LocalizationSettings) == settings
     line = refusal(LocalizationSettings, optimizer={"lever_arm": 0})

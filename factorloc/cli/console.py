@@ -43,7 +43,7 @@ def _show_warnings(package: logging.Logger) -> None:
     def show(message: Warning | str, category: type[Warning], *_: object, **__: object) -> None:
         package.warning("warning: %s", message)
 
-    warnings.showwarning = show  # type: ignore[assignment]
+    warnings.showwarning = show
 
 
 def use_threads(count: int | None) -> None:

@@ -66,7 +66,13 @@ def localize(
         raise DataError(f"{log}: holds no true poses to start from; say where it begins with --start X Y HEADING")
     with progress_bar("tracking", len(drive)) as progress:
         found = run(
-            statistics, drive.scans, drive.odometry, pose, known=drive.odometry_known, settings=settings, progress=progress
+            statistics,
+            drive.scans,
+            drive.odometry,
+            pose,
+            known=drive.odometry_known,
+            settings=settings,
+            progress=progress,
         )
     folder = RunFolder(new_run_folder(output), plots)
     results = {"tracked": found.tracked, "smoothed": found.smoothed}

@@ -12,7 +12,9 @@ from factorloc.cli.selection import SELECTION_HELP, select_scans
 
 __all__ = ["map_app"]
 
-map_app = typer.Typer(help="Build maps from recordings with known poses.", no_args_is_help=True, rich_markup_mode="rich")
+map_app = typer.Typer(
+    help="Build maps from recordings with known poses.", no_args_is_help=True, rich_markup_mode="rich"
+)
 
 
 @map_app.command()
@@ -57,9 +59,7 @@ def build(
         chosen = [scan.select(scan.is_return) for scan in chosen]
     path = path.select(rows)
     with progress_bar("mapping", len(chosen)) as progress:
-        statistics = RayStatistics.from_scans(
-            chosen, path.poses, resolution=resolution, frame=frame, progress=progress
-        )
+        statistics = RayStatistics.from_scans(chosen, path.poses, resolution=resolution, frame=frame, progress=progress)
     write_map(output, statistics, provenance={"recording": log.name, "scans": scans, "carve": str(carve)})
     grid = statistics.grid
     size = " x ".join(f"{(high - low):.1f}" for low, high in zip(grid.origin, grid.upper, strict=True))

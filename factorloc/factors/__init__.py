@@ -1,8 +1,8 @@
 """Measurements as factors of a gtsam graph.
 
 Measurements are frozen dataclasses; gtsam factors are built from them late. Scan terms evaluate a whole batch of poses
-in one parallel call; their two adaptors are Gaussian Hessian factors for batch solvers and square-root custom factors for
-incremental ones.
+in one parallel call; their two adaptors are Gaussian Hessian factors for batch solvers and square-root custom factors
+for incremental ones.
 """
 
 from factorloc.factors.adaptors import hessian_factors, square_root_factor

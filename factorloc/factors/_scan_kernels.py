@@ -52,8 +52,8 @@ def hybrid_nll(rates, log_rates, shape, outside, log_outside, p_x, p_y, v_x, v_y
     g_x, g_y : float
         Derivative by the ray origin, 1/m.
     m_x, m_y : float
-        Derivative by the ray direction (moment about the origin): ``sum t dS/do`` of the crossings plus ``length`` times
-        the end point's.
+        Derivative by the ray direction (moment about the origin): ``sum t dS/do`` of the crossings plus ``length``
+        times the end point's.
     """
     n_x, n_y = shape
     stride = n_y + 2

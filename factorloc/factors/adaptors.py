@@ -1,4 +1,4 @@
-"""From the costs of scans to factors: Gaussian ones for batch solvers, square-root custom ones for incremental solvers."""
+"""From the costs of scans to factors: Gaussian ones for batch solvers, square-root custom ones for incremental ones."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ Array = npt.NDArray[np.float64]
 def hessian_factors(keys: Sequence[int], costs: ScanCosts) -> Iterator[gtsam.HessianFactor]:
     """Quadratic models of scan costs at the poses they were evaluated at.
 
-    A Hessian factor's error is ``x'Hx/2 - x'b + f/2``; so ``b`` is the negative gradient and ``f`` twice the cost, which
-    may be negative.
+    A Hessian factor's error is ``x'Hx/2 - x'b + f/2``; so ``b`` is the negative gradient and ``f`` twice the cost,
+    which may be negative.
 
     Parameters
     ----------
@@ -110,9 +110,7 @@ def square_root_factor(key: int, term: ScanTerm, scan: int, level: int = -1) -> 
             error[0] = np.sqrt(2 * (float(term.cost(row, level, index)[0]) - least + margin))
             return error, []
         costs = term.batch(row, level, index)
-        error, jacobian = square_root_form(
-            float(costs.cost[0]), costs.gradient[0], costs.hessian[0], least - margin
-        )
+        error, jacobian = square_root_form(float(costs.cost[0]), costs.gradient[0], costs.hessian[0], least - margin)
         return error, [jacobian]
 
     return custom_factor(gtsam.noiseModel.Unit.Create(4), [key], [3], 4, residual)

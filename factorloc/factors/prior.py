@@ -56,7 +56,7 @@ class PosePrior:
     @property
     def information(self) -> Array:
         """Inverse covariance, shape (3, 3)."""
-        return np.linalg.inv(self.covariance)
+        return np.asarray(np.linalg.inv(self.covariance))
 
     def factor(self, key: int) -> gtsam.PriorFactorPose2:
         """Make the native gtsam factor of this prior."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
@@ -66,7 +67,7 @@ class ScanTerm(Protocol):
         ...
 
     def batch(self, poses: npt.ArrayLike, level: int = -1, scan_of_pose: npt.ArrayLike | None = None) -> ScanCosts:
-        """Cost, gradient and Hessian at poses ``T_map_body``; pose ``n`` belongs to scan ``n`` unless told otherwise."""
+        """Cost, gradient and Hessian at poses ``T_map_body``; pose ``n`` is of scan ``n`` unless told otherwise."""
         ...
 
     def cost(self, poses: npt.ArrayLike, level: int = -1, scan_of_pose: npt.ArrayLike | None = None) -> Array:
@@ -288,7 +289,7 @@ class DistanceFieldTerm(GridScanTerm):
         farthest: float = 1.5,
         blurs: Sequence[float] = DEFAULT_BLURS,
     ) -> None:
-        if not blurs or min(blurs) < 0 or any(a <= b for a, b in zip(blurs, blurs[1:], strict=False)):
+        if not blurs or min(blurs) < 0 or any(a <= b for a, b in itertools.pairwise(blurs)):
             raise MapError(f"blurs: {tuple(blurs)} m; expected decreasing lengths, 0 at the end for the map itself")
         grid = statistics.grid
         occupied = statistics.hits > least_rate * statistics.path_lengths

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import gtsam
 import numpy as np
@@ -175,9 +176,7 @@ def optimize(
     state = _Descent(graph, gtsam.Values(initial), scans, damping, settings, progress)
     for level in levels if scans else (None,):
         state.run(level)
-    return Optimized(
-        state.values, state.cost, state.scan_costs, state.linearize(), tuple(state.history), state.stop
-    )
+    return Optimized(state.values, state.cost, state.scan_costs, state.linearize(), tuple(state.history), state.stop)
 
 
 def _check_keys(used: set[int], given: set[int]) -> None:
@@ -205,7 +204,7 @@ class _Descent:
         self.stop = StopReason.MAX_ITERATIONS
         self.cost = np.inf
         self.scan_costs: ScanCosts | None = None
-        self._ordering: gtsam.Ordering | None = None
+        self._ordering: Any = None
         self._step = 0
 
     def evaluate(self, values: gtsam.Values, level: int | None) -> tuple[float, ScanCosts | None]:

@@ -95,7 +95,7 @@ class RunFolder:
         write_config(self.files["settings"], settings)
 
     def write_result(self, name: str, result: Result) -> None:
-        """Write a trajectory as ``<name>.tum`` and ``<name>.kitti`` and its covariances as ``<name>_covariances.npy``."""
+        """Write a trajectory as ``<name>.tum`` and ``<name>.kitti``, covariances as ``<name>_covariances.npy``."""
         self._wrote(f"{name} trajectory", f"{name}.tum")
         result.trajectory.write_tum(self.folder / f"{name}.tum")
         result.trajectory.write_kitti(self.folder / f"{name}.kitti")
@@ -156,7 +156,12 @@ class RunFolder:
         self._drew(
             "map and paths",
             viewer.draw(
-                "map", plot_map_and_trajectories, image, grid.extent, paths, reference=None if truth is None else "truth"
+                "map",
+                plot_map_and_trajectories,
+                image,
+                grid.extent,
+                paths,
+                reference=None if truth is None else "truth",
             ),
         )
         for name, result in results.items():
@@ -169,7 +174,12 @@ class RunFolder:
             self._drew(
                 f"errors along {last}",
                 viewer.draw(
-                    "error_path", plot_error_coloured_path, trajectories[last], errors[last].translation, image, grid.extent
+                    "error_path",
+                    plot_error_coloured_path,
+                    trajectories[last],
+                    errors[last].translation,
+                    image,
+                    grid.extent,
                 ),
             )
 

@@ -43,8 +43,8 @@ def smooth(
     """Smooth a whole drive.
 
     The graph has a variable for each scan, robust odometry factors between neighbours, a prior on the first pose, and
-    the scan term; it is solved through the levels of the map, coarse to fine. Then every scan takes the best of where it
-    started, where the graph left it and where it registers by itself, all scans jointly
+    the scan term; it is solved through the levels of the map, coarse to fine. Then every scan takes the best of where
+    it started, where the graph left it and where it registers by itself, all scans jointly
     (:mod:`factorloc.localization.candidates`), and the graph is solved once more on the finest level. So the cost is
     never above that of the start.
 
@@ -148,4 +148,4 @@ def marginal_covariances(found: Optimized, keys: Sequence[int]) -> Array:
         marginals = gtsam.Marginals(found.linear, found.values)
         return np.array([marginals.marginalCovariance(key) for key in keys])
     except RuntimeError as error:  # gtsam's name for an indeterminate system
-        raise OptimizationError("graph: nothing determines some of its poses; give a prior, or scans with returns") from error
+        raise OptimizationError("graph: nothing determines some pose; give a prior, or scans with returns") from error

@@ -180,4 +180,6 @@ def _enter(
         register(term, prior.pose[None], [scan], levels=range(entry, last), prior=prior, settings=settings)
         for entry in entries
     ]
-    return Registration(*(np.concatenate([getattr(r, name) for r in found]) for name in Registration.__dataclass_fields__))
+    return Registration(
+        *(np.concatenate([getattr(r, name) for r in found]) for name in Registration.__dataclass_fields__)
+    )

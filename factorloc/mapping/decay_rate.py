@@ -146,7 +146,7 @@ class DecayRatePosterior:
     @cached_property
     def shapes(self) -> Array:
         """Shape parameters ``H + alpha``, shape ``grid.shape``."""
-        return self.statistics.hits + self.prior.shape
+        return self.statistics.hits.astype(np.float64) + self.prior.shape
 
     @cached_property
     def paths(self) -> Array:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import re
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +15,9 @@ from factorloc.errors import MapError
 __all__ = ["Grid", "require_memory"]
 
 Array = npt.NDArray[np.float64]
+
+_ON_RASTER = 1e-6  # cells; lines this close to each other are one
+_MOST_LINES = 2**51  # from the origin of the frame; farther ones are no longer told apart to a quarter of a cell
 
 
 def require_memory(needed: int, what: str) -> None:
@@ -31,16 +36,25 @@ def require_memory(needed: int, what: str) -> None:
         If less than that is available.
     """
     try:
-        page = os.sysconf("SC_PAGE_SIZE")
-        names = ("SC_AVPHYS_PAGES", "SC_PHYS_PAGES")
-        available = page * next(os.sysconf(name) for name in names if name in os.sysconf_names)
-    except (StopIteration, ValueError, OSError):
+        available = _available_memory()
+    except (ValueError, OSError):
         return
     if needed > available:
         raise MapError(
             f"{what} needs {needed / 2**30:.1f} GiB, {available / 2**30:.1f} GiB are free; "
             "use a coarser resolution or a smaller region"
         )
+
+
+def _available_memory() -> int:
+    """Bytes that can be had without swapping; all there are where the system does not tell."""
+    meminfo = Path("/proc/meminfo")
+    if meminfo.exists():
+        # What is free is less than what is available: caches give way.
+        found = re.search(r"^MemAvailable:\s+(\d+) kB$", meminfo.read_text(encoding="ascii"), re.MULTILINE)
+        if found:
+            return int(found[1]) * 1024
+    return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
 
 
 @dataclass(frozen=True)
@@ -108,9 +122,15 @@ class Grid:
             raise MapError("grid: no finite points to lay it around; are there any returns?")
         if not (np.isfinite(resolution) and resolution > 0):
             raise MapError(f"grid: resolution {resolution} m; expected a positive length")
-        low = np.floor((array.min(0) - margin) / resolution)
-        high = np.ceil((array.max(0) + margin) / resolution)
-        shape = np.maximum(high - low, 1)
+        if not (np.isfinite(margin) and margin >= 0):
+            raise MapError(f"grid: margin {margin} m; expected a length")
+        with np.errstate(over="ignore", invalid="ignore"):
+            low = np.floor((array.min(0) - margin) / resolution)
+            # A point on the upper face of a cell belongs to the next one.
+            high = np.maximum(np.ceil((array.max(0) + margin) / resolution), np.floor(array.max(0) / resolution) + 1)
+            shape = high - low
+        if not np.abs([low, high]).max() < _MOST_LINES:
+            raise MapError(f"grid: points reach {np.abs(array).max():.3g} m, too far for cells of {resolution} m")
         return cls(tuple(low * resolution), resolution, tuple(int(n) for n in shape), frame)
 
     @property
@@ -138,7 +158,7 @@ class Grid:
         if (self.frame, self.resolution, self.dimension) != (other.frame, other.resolution, other.dimension):
             return False
         shift = (np.array(self.origin) - other.origin) / self.resolution
-        return bool(np.abs(shift - np.round(shift)).max() < 1e-6)
+        return bool(np.abs(shift - np.round(shift)).max() < _ON_RASTER)
 
     def union(self, other: Grid) -> Grid:
         """Return the smallest grid on the common raster that covers both.
@@ -154,13 +174,52 @@ class Grid:
                 f"{other.resolution} m in frame '{other.frame}'; build both in one frame at one resolution"
             )
         low = np.minimum(self.origin, other.origin)
-        cells = np.round((np.maximum(self.upper, other.upper) - low) / self.resolution).astype(int)
+        cells = np.round((np.maximum(self.upper, other.upper) - low) / self.resolution)
         return Grid(tuple(low), self.resolution, tuple(int(n) for n in cells), self.frame)
 
     def window(self, inner: Grid) -> tuple[slice, ...]:
-        """Slices of this grid's arrays that hold ``inner``, a grid on the same raster that lies within."""
-        start = np.round((np.array(inner.origin) - self.origin) / self.resolution).astype(int)
+        """Slices of this grid's arrays that hold ``inner``.
+
+        Raises
+        ------
+        MapError
+            If ``inner`` does not share the raster, or does not lie within this grid.
+        """
+        start = np.round((np.array(inner.origin) - self.origin) / self.resolution)
+        if not self.shares_raster(inner) or (start < 0).any() or (start + inner.shape > self.shape).any():
+            raise MapError(f"grid: {inner} is no part of {self}")
         return tuple(slice(int(s), int(s) + n) for s, n in zip(start, inner.shape, strict=True))
+
+    def crop(self, low: npt.ArrayLike, high: npt.ArrayLike) -> Grid:
+        """Return the part of this grid, on its raster, that covers a box.
+
+        Parameters
+        ----------
+        low, high : array_like, shape (D,)
+            Lowest and highest corner of the box, m; they may lie outside the grid, even at infinity.
+
+        Raises
+        ------
+        MapError
+            If these are no corners, or the box misses the grid.
+        """
+        corners = [np.asarray(corner, np.float64) for corner in (low, high)]
+        if any(corner.shape != (self.dimension,) for corner in corners) or not (corners[0] <= corners[1]).all():
+            raise MapError(
+                f"region from {low!r} to {high!r}: expected two corners of {self.dimension} numbers, lower first"
+            )
+        lines = (np.stack(corners) - self.origin) / self.resolution
+        with np.errstate(invalid="ignore"):
+            lines = np.where(np.abs(lines - np.round(lines)) < _ON_RASTER, np.round(lines), lines)
+        first = np.clip(np.floor(lines[0]), 0, self.shape)
+        last = np.clip(np.maximum(np.ceil(lines[1]), np.floor(lines[0]) + 1), 0, self.shape)
+        if not (first < last).all():
+            raise MapError(f"region from {low!r} to {high!r}: misses the map, from {self.origin} to {self.upper} m")
+        # An origin that is exactly a multiple of the resolution remains one.
+        line = np.round(np.array(self.origin) / self.resolution)
+        exact = line * self.resolution == self.origin
+        origin = np.where(exact, (line + first) * self.resolution, self.origin + first * self.resolution)
+        return Grid(tuple(origin), self.resolution, tuple(int(n) for n in last - first), self.frame)
 
     def index(self, points: npt.ArrayLike) -> npt.NDArray[np.int64]:
         """Cell indices (..., D) of points (..., D); they may lie outside the grid."""

@@ -92,7 +92,7 @@ def estimate_prior(statistics: RayStatistics, rule: PriorRule = "marginal") -> G
     if len(H) > _MOST_CELLS:
         # Every k-th cell keeps the sample spread over the map and the result independent of a seed.
         stride = -(-len(H) // _MOST_CELLS)
-        H, R = H[::stride], R[::stride]
+        H, R = (H[::stride], R[::stride]) if H[::stride].any() else (H, R)
     return _maximize_marginal(H, R)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -83,15 +84,18 @@ class BlurPyramid:
         Raises
         ------
         MapError
-            If the blurs do not decrease, or the map holds no hit.
+            If the blurs do not decrease, the pseudo path is not positive, or the map holds no hit.
         """
-        if not blurs or min(blurs) < 0 or any(a <= b for a, b in zip(blurs, blurs[1:], strict=False)):
+        decreasing = all(a > b for a, b in itertools.pairwise(blurs))
+        if not (len(blurs) > 0 and decreasing and np.isfinite(blurs[0]) and blurs[-1] >= 0):
             raise MapError(f"blurs: {tuple(blurs)} m; expected decreasing lengths, 0 at the end for the map itself")
-        H, R = statistics.hits.astype(np.float64), statistics.path_lengths
-        if H.sum() == 0:
-            raise MapError("map: it holds no hit; nothing to localize in")
-        mean = H.sum() / R.sum()
         b = statistics.grid.resolution if pseudo_path is None else pseudo_path
+        if not (np.isfinite(b) and b > 0):
+            raise MapError(f"pseudo_path: {b} m; expected a positive length")
+        H, R = statistics.hits.astype(np.float64), statistics.path_lengths
+        if H.sum() == 0 or R.sum() == 0:
+            raise MapError("map: it holds no hit, or no path; nothing to localize in")
+        mean = H.sum() / R.sum()
         levels = []
         for blur in blurs:
             sigma = blur / statistics.grid.resolution

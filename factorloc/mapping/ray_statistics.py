@@ -44,8 +44,10 @@ def rays_in_map(rays: Rays, poses: npt.ArrayLike) -> tuple[Array, Array]:
     Raises
     ------
     MapError
-        If there is not one planar pose a scan.
+        If the rays are not planar, or there is not one planar pose a scan.
     """
+    if rays.dimension != 2:
+        raise MapError("scans: spatial; this grid of ray statistics is planar")
     array = se2.as_poses(poses)
     if array.shape != (len(rays), 3):
         raise MapError(f"poses: shape {array.shape}; expected one planar pose for each of the {len(rays)} scans")
@@ -95,9 +97,9 @@ class RayStatistics:
         Raises
         ------
         MapError
-            If they would not fit into memory (16 bytes a cell, 24 more a cell and thread while rays are added).
+            If they would not fit into memory (16 bytes a cell; as many again, and 20 a thread, while rays are added).
         """
-        require_memory(grid.cells * 40, f"a grid of {' x '.join(map(str, grid.shape))} cells")
+        _require_memory(grid, 16)
         return cls(
             grid, np.zeros(grid.shape, np.uint32), np.zeros(grid.shape, np.uint32), np.zeros(grid.shape, np.int64)
         )
@@ -136,8 +138,6 @@ class RayStatistics:
             If the poses do not fit the scans, the grid does not fit into memory, or its frame is another dimension.
         """
         rays = pack(scans)
-        if rays.dimension != 2:
-            raise MapError("scans: spatial; this grid of ray statistics is planar")
         poses = se2.as_poses(poses)
         if poses.shape != (len(rays), 3):
             raise MapError(f"poses: shape {poses.shape}; expected one planar pose for each of the {len(rays)} scans")
@@ -179,8 +179,10 @@ class RayStatistics:
         Raises
         ------
         MapError
-            If poses and rays do not fit, or a cell would see more than 2^32 - 1 rays.
+            If poses, rays and grid do not fit, a cell would see more than 2^32 - 1 rays, or memory is short.
         """
+        if self.grid.dimension != 2:
+            raise MapError("grid: spatial; rays are added to planar ones")
         used = rays.status != RayStatus.BELOW_MINIMUM
         walked = rays.select(used)
         origins, directions = rays_in_map(walked, poses)
@@ -188,15 +190,17 @@ class RayStatistics:
         threads = _jit.threads() if len(returns) > _PARALLEL_RAYS else 1
         if int(self.visits.max(initial=0)) + len(returns) > _MOST_VISITS:
             raise MapError(f"a cell may see more than {_MOST_VISITS} rays, where its counts end; split the map")
+        _require_memory(self.grid, 16 + 20 * threads)
         hits, misses, path = self.hits.copy(), self.misses.copy(), self.path_fixed.copy()
         low = np.array(self.grid.origin)
         shape = (self.grid.shape[0], self.grid.shape[1])
         accumulate_parallel(
             origins, directions, walked.ranges, returns, low, self.grid.resolution, shape, threads, hits, misses, path
         )
-        left_out = {"below minimum range": int((~used).sum())}
-        ends = origins[returns] + directions[returns] * walked.ranges[returns, None]
-        left_out["ended outside the grid"] = int((~self.grid.contains(ends)).sum())
+        left_out = {
+            "below minimum range": int((~used).sum()),
+            "ended outside the grid": int(returns.sum()) - (int(hits.sum()) - int(self.hits.sum())),
+        }
         return RayStatistics(
             self.grid,
             hits,
@@ -215,7 +219,7 @@ class RayStatistics:
             If the two do not share frame, resolution and raster.
         """
         grid = self.grid.union(other.grid)
-        total = RayStatistics.empty(grid)
+        _require_memory(grid, 32)
         hits, misses, path = (np.zeros(grid.shape, np.int64) for _ in range(3))
         for part in (self, other):
             window = grid.window(part.grid)
@@ -223,7 +227,7 @@ class RayStatistics:
             misses[window] += part.misses
             path[window] += part.path_fixed
         return RayStatistics(
-            total.grid,
+            grid,
             _checked(hits),
             _checked(misses),
             path,
@@ -233,8 +237,20 @@ class RayStatistics:
 
     @staticmethod
     def merge(parts: Sequence[RayStatistics]) -> RayStatistics:
-        """Merge any number of parts; see :meth:`__add__`."""
+        """Merge any number of parts; see :meth:`__add__`.
+
+        Raises
+        ------
+        MapError
+            If there is none, or they do not share frame, resolution and raster.
+        """
+        if not parts:
+            raise MapError("parts: none given; there is no grid to put nothing on")
         return functools.reduce(operator.add, parts)
+
+
+def _require_memory(grid: Grid, bytes_a_cell: int) -> None:
+    require_memory(grid.cells * bytes_a_cell, f"a grid of {' x '.join(map(str, grid.shape))} cells")
 
 
 def _grid_of(rays: Rays, poses: Array, resolution: float, frame: str) -> Grid:
