@@ -1,29 +1,91 @@
-"""``python -m benchmarks [--quick] [--data DIR]``: all benchmarks, one after the other."""
+"""All benchmarks, one after the other, each in a process of its own; says at the end which goals were met."""
 
 from __future__ import annotations
 
+import argparse
+import json
+import subprocess
 import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
-from benchmarks import carmen, raycast, solver
+from rich.table import Table
+
+from benchmarks.harness import default_data, new_console, one_line_errors, yes_or_no
+
+OUT = Path("out")
 
 
-def main() -> int:
-    """Run all; the exit code is 1 if any goal was missed. Without real data those that need it are left out."""
-    common = sys.argv[1:]
-    codes = {
-        "raycast": raycast.main(common),
-        "solver": solver.main(common),
-        **{
-            f"carmen {name}": carmen.main(
-                [*common, "--log", name, "--json", f"out/carmen-{name}.json", "--plot", f"out/carmen-{name}.png"]
-            )
-            for name in ("intel", "aces")
-        },
-    }
-    words = {0: "goals met", 1: "a goal was missed", 2: "left out: no real data"}
-    for name, code in codes.items():
-        print(f"{name}: {words[code]}")
-    return int(1 in codes.values())
+@dataclass(frozen=True)
+class Run:
+    """One benchmark with its arguments.
+
+    Parameters
+    ----------
+    module : str
+        Its name in this package.
+    arguments : tuple of str
+        What it is told besides the common arguments.
+    needs_data : bool
+        Whether it is left out without real data.
+    """
+
+    module: str
+    arguments: tuple[str, ...] = ()
+    needs_data: bool = False
+
+
+RUNS = {
+    "raycast": Run("raycast"),
+    "solver": Run("solver"),
+    "carmen-intel": Run("carmen", ("--log", "intel"), needs_data=True),
+    "carmen-aces": Run("carmen", ("--log", "aces"), needs_data=True),
+}
+"""Every published table and ratio, by the name of its files."""
+
+
+@one_line_errors
+def main(argv: list[str] | None = None) -> int:
+    """Run all benchmarks; the exit code is 1 if a goal was missed or a benchmark failed."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
+    parser.add_argument("--data", help="folder of real data (default: FACTORLOC_DATA, or ../shared/data)")
+    parser.add_argument("--quick", action="store_true", help="fewer samples, never easier ones")
+    parser.add_argument("--threads", type=int, help="threads of the kernels (default: all cores)")
+    given = parser.parse_args(argv)
+    common = ["--quick"] if given.quick else []
+    common += ["--data", given.data] if given.data else []
+    common += ["--threads", str(given.threads)] if given.threads else []
+    without_data = not given.data and default_data() is None
+    table = Table("benchmark", "goal", "value", "unit", "bound", "met", title="all goals", title_justify="left")
+    good = True
+    for name, run in RUNS.items():
+        if run.needs_data and without_data:
+            table.add_row(name, "left out: no real data")
+            continue
+        goals = execute(name, run, common)
+        if goals is None:
+            table.add_row(name, "[bold red]failed[/bold red]")
+        for goal in goals or []:
+            value = "not finite" if goal["value"] is None else f"{goal['value']:.4g}"
+            table.add_row(name, goal["name"], value, goal["unit"], goal["bound"], yes_or_no(goal["met"]))
+        table.add_section()
+        good = good and goals is not None and all(goal["met"] for goal in goals)
+    new_console().print(table)
+    return 0 if good else 1
+
+
+def execute(name: str, run: Run, common: Sequence[str]) -> list[dict[str, Any]] | None:
+    """Run one benchmark and return the goals of the file it writes, or None if it writes none."""
+    report = OUT / f"{name}.json"
+    before = report.stat().st_mtime_ns if report.exists() else None
+    files = ["--json", str(report), "--plot", str(report.with_suffix(".png"))]
+    subprocess.run([sys.executable, "-m", f"benchmarks.{run.module}", *run.arguments, *common, *files], check=False)
+    if not report.exists() or report.stat().st_mtime_ns == before:
+        return None
+    goals: list[dict[str, Any]] = json.loads(report.read_text(encoding="utf-8"))["goals"]
+    return goals
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ Array = npt.NDArray[np.float64]
 _NEVER = 1e300  # m; where a ray crosses a line it is parallel to
 
 
-@kernel(inline=True)
+@kernel
 def start(stride: int, p_x: float, p_y: float, v_x: float, v_y: float, length: float) -> tuple[float, ...]:
     """First cell, number of crossings, and for each axis: first crossing, distance to the next, and step of the cell.
 

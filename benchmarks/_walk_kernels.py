@@ -1,4 +1,4 @@
-"""The package's column walk applied to many rays, by one thread or several, as its likelihoods apply it."""
+"""The package's column walk applied to many rays, as its likelihoods and scan costs apply it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from factorloc._jit import kernel, prange
+from factorloc._jit import kernel
 from factorloc.mapping._forward_kernels import integrate, walk_columns
 
 Array = npt.NDArray[np.float64]
@@ -69,44 +69,3 @@ def gradient(
         jumps[k, 1] = jump_y
         jumps[k, 2] = moment_x
         jumps[k, 3] = moment_y
-
-
-@kernel(parallel=True)
-def forward_parallel(
-    rates: Array,
-    log_rates: Array,
-    stride: int,
-    low: Array,
-    resolution: float,
-    origins: Array,
-    directions: Array,
-    lengths: Array,
-    blocks: int,
-    out: Array,
-) -> None:
-    """Like :func:`forward` for all returns, dealt to threads in ``blocks``."""
-    rays = lengths.shape[0]
-    for b in prange(blocks):
-        first, last = rays * b // blocks, rays * (b + 1) // blocks
-        forward(rates, log_rates, stride, low, resolution, origins, directions, lengths, first, last, out)
-
-
-@kernel(parallel=True)
-def gradient_parallel(
-    rates: Array,
-    log_rates: Array,
-    stride: int,
-    low: Array,
-    resolution: float,
-    origins: Array,
-    directions: Array,
-    lengths: Array,
-    blocks: int,
-    out: Array,
-    jumps: Array,
-) -> None:
-    """Like :func:`gradient` for all returns, dealt to threads in ``blocks``."""
-    rays = lengths.shape[0]
-    for b in prange(blocks):
-        first, last = rays * b // blocks, rays * (b + 1) // blocks
-        gradient(rates, log_rates, stride, low, resolution, origins, directions, lengths, first, last, out, jumps)

@@ -1,215 +1,111 @@
-"""Walking rays through a planar grid: nanoseconds a cell of accumulation, forward model and gradient.
+"""Speed of the walks through planar grids: accumulation, forward model, and forward model with gradient.
 
-Each kernel is timed interleaved with a plain walk of Amanatides and Woo, compiled by the same numba, and accumulation
-also with the same walk in C++ where g++ is found. The C++ reference stores float path lengths and hits, no misses and
-no fixed point: it does less. Rays are the returns of a real log at its corrected poses, or those of a simulated drive.
+Real returns of a CARMEN log (or of a simulated office, where there is no data) are walked by the package, by a plain
+loop compiled alike, and by plain C++. The C++ reference does less than the package: it adds up float lengths in the
+order of the rays and counts no misses, where the package counts them and keeps lengths in fixed point.
 """
 
 from __future__ import annotations
 
-import ctypes
-import math
-import shutil
-import subprocess
 import sys
-import tempfile
-from collections.abc import Callable
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
-from benchmarks._plain_kernels import plain_accumulate, plain_forward, plain_gradient
-from benchmarks._walk_kernels import forward_parallel, gradient_parallel
-from benchmarks.harness import Arguments, Benchmark, arguments, interleave, ratio
-from factorloc.datasets import read_carmen
-from factorloc.mapping import DecayRatePosterior, Grid, RayStatistics
-from factorloc.mapping._traversal_kernels import FIXED_POINT, accumulate_parallel
-from factorloc.mapping.decay_rate import rimmed
-from factorloc.mapping.ray_statistics import rays_in_map
-from factorloc.scan import Scan, pack
-from factorloc.simulation import office_plan, office_routes, simulate_drive
+from benchmarks.bars import Bar, plot_bars
+from benchmarks.harness import Benchmark, arguments, one_line_errors
+from benchmarks.reference import build_reference
+from benchmarks.returns import Returns, load_returns
+from benchmarks.timing import interleave, ratio, spread
+from benchmarks.walks import ACCUMULATION, FORWARD, GRADIENT, Walk, all_walks
+from factorloc import set_threads
+from factorloc.errors import MapError
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+ROUNDS = {False: 41, True: 11}
+"""Rounds of a full and of a quick run."""
 
-Array = npt.NDArray[np.float64]
-
-SOURCE = Path(__file__).with_name("raycast_reference.cpp")
-GOALS = {
-    ("accumulate, 1 thread", "C++"): 1.6,
-    ("accumulate, 2 threads", "C++"): 1.0,
-    ("forward, 1 thread", "plain forward"): 0.8,
-    ("forward + gradient, 1 thread", "plain forward"): 1.2,
-}
+_AGREEMENT = 1e-6  # of the sum of all magnitudes; float lengths keep seven digits
 
 
+@one_line_errors
 def main(argv: list[str] | None = None) -> int:
     """Run the benchmark; the exit code is 1 if a goal is missed."""
-    given = arguments("raycast", __doc__ or "", argv, log="intel", resolution=0.1)
-    scans, poses, source = _rays_of(given)
-    statistics = RayStatistics.from_scans(scans, poses, resolution=given.options["resolution"])
-    rays = pack(scans).returns()
-    origins, directions = (np.ascontiguousarray(array) for array in rays_in_map(rays, poses))
-    problem = _Problem(statistics, origins, directions, rays.ranges)
-    rounds = 11 if given.quick else 41
-    functions = problem.functions()
-    cells = problem.check()
-    seconds = interleave(functions, rounds)
-    grid = statistics.grid
-    bench = Benchmark(
-        "raycast",
-        {"rays": source, "resolution": grid.resolution, "grid": grid.shape, "rounds": rounds, "quick": given.quick},
+    given = arguments("raycast", __doc__ or "", argv, log="intel", scans=0, resolution=0.1, rounds=0)
+    rounds = given.options["rounds"] or ROUNDS[given.quick]
+    returns = load_returns(given.data, given.options["log"], given.options["scans"], given.options["resolution"])
+    reference = build_reference()
+    walks = {walk.name: walk for walk in all_walks(returns, reference, min(2, given.threads))}
+    cells = check_agreement(list(walks.values()))
+    settings = {
+        "rays": returns.source,
+        "returns": len(returns.lengths),
+        "cells visited a ray": cells / len(returns.lengths),
+        "grid": returns.shape,
+        "resolution (m)": returns.resolution,
+        "reference": reference.compiler if reference else "no compiler found: its goals are not judged",
+        "threads": given.threads,
+        "rounds": rounds,
+        "quick": given.quick,
+    }
+    bench = Benchmark("raycast", settings)
+    seconds = interleave(
+        {name: walk.run for name, walk in walks.items()}, rounds, lambda name: set_threads(walks[name].threads)
     )
-    bench.figure("rays", len(origins), "1")
-    bench.figure("cells a ray", cells / len(origins), "1")
-    for name, values in seconds.items():
-        bench.figure(name, np.median(values) / cells * 1e9, "ns/cell")
-    fastest = float(np.median(seconds["accumulate, 1 thread"]))
-    bench.figure("accumulated, 1 thread", len(origins) / fastest / 1e6, "M rays/s")
-    bench.figure("memory of the statistics", 16, "B/cell")
-    bench.figure("memory while accumulating", 20, "B/cell and thread")
-    for (name, reference), most in GOALS.items():
-        if reference in seconds and name in seconds:
-            bench.goal(f"{name} / {reference}", ratio(seconds, name, reference), "1", most)
-    return bench.finish(given, _picture({name: np.median(v) / cells * 1e9 for name, v in seconds.items()}))
-
-
-def _rays_of(given: Arguments) -> tuple[tuple[Scan, ...], Array, str]:
-    if given.data is not None:
-        name = given.options["log"]
-        drive = read_carmen(given.data / "carmen" / f"{name}-corrected.log.gz")
-        assert drive.truth is not None
-        return drive.scans, drive.truth.poses, name
-    simulated = simulate_drive(office_plan(), office_routes()[0], seed=1)
-    return simulated.scans, simulated.truth.poses, "simulated office"
-
-
-class _Problem:
-    """The rays, the grid, and what each competitor writes to."""
-
-    def __init__(self, statistics: RayStatistics, origins: Array, directions: Array, lengths: Array) -> None:
-        self.grid: Grid = statistics.grid
-        self.origins, self.directions, self.lengths = origins, directions, lengths
-        posterior = DecayRatePosterior.from_statistics(statistics)
-        self.rates = rimmed(posterior.mean, posterior.prior.mean).ravel()
-        self.log_rates = np.log(self.rates)
-        self.low = np.array(self.grid.origin)
-        self.stride = self.grid.shape[1] + 2
-        self.outputs: dict[str, Any] = {}
-        self.library = _compiled_reference()
-
-    def functions(self) -> dict[str, Callable[[], object]]:
-        """What is timed, by name."""
-        found: dict[str, Callable[[], object]] = {}
-        if self.library is not None:
-            found["C++"] = self._reference
-        found["plain accumulate"] = self._plain_accumulate
-        for threads in (1, 2):
-            plural = "thread" if threads == 1 else "threads"
-            found[f"accumulate, {threads} {plural}"] = self._accumulate(threads)
-        walk = (self.rates, self.log_rates, self.stride, self.low, self.grid.resolution)
-        rays = (self.origins, self.directions, self.lengths)
-        n = len(self.lengths)
-        out = {name: np.empty(n) for name in ("plain", "own", "plain gradient", "own gradient")}
-        jumps = {name: np.empty((n, 4)) for name in ("plain", "own")}
-        self.outputs |= out | {f"{name} jumps": array for name, array in jumps.items()}
-        found["plain forward"] = lambda: plain_forward(*walk, *rays, out["plain"])
-        found["plain forward + gradient"] = lambda: plain_gradient(*walk, *rays, out["plain gradient"], jumps["plain"])
-        for threads in (1, 2):
-            plural = "thread" if threads == 1 else "threads"
-            found[f"forward, {threads} {plural}"] = lambda t=threads: forward_parallel(*walk, *rays, t, out["own"])
-            found[f"forward + gradient, {threads} {plural}"] = lambda t=threads: gradient_parallel(
-                *walk, *rays, t, out["own gradient"], jumps["own"]
-            )
-        return found
-
-    def check(self) -> int:
-        """Run everything once, compare what was computed, and return the cells visited."""
-        functions = self.functions()
-        cells = int(self._plain_accumulate())
-        for function in functions.values():
-            function()
-        length = self.lengths.sum()
-        hits, path = self._statistics
-        assert int(hits.sum()) == len(self.lengths)
-        assert abs(path.sum() / FIXED_POINT - length) < 1e-6 * len(self.lengths)
-        if self.library is not None:
-            assert self._reference() == cells
-        for name in ("plain gradient", "own", "own gradient"):
-            assert np.abs(self.outputs[name] - self.outputs["plain"]).max() < 1e-6
-        assert np.allclose(self.outputs["own jumps"], self.outputs["plain jumps"], rtol=1e-6, atol=1e-4)
-        return cells
-
-    def _rim(self, dtype: npt.DTypeLike) -> npt.NDArray[Any]:
-        return np.zeros((self.grid.shape[0] + 2) * self.stride, dtype)
-
-    def _plain_accumulate(self) -> int:
-        path, hits = self._rim(np.float32), self._rim(np.uint32)
-        rays = (self.origins, self.directions, self.lengths)
-        return int(plain_accumulate(*rays, self.low, self.grid.resolution, self.stride, path, hits))
-
-    def _accumulate(self, threads: int) -> Callable[[], object]:
-        shape = (self.grid.shape[0], self.grid.shape[1])
-        returns = np.ones(len(self.lengths), np.bool_)
-
-        def run() -> None:
-            hits, misses = np.zeros(shape, np.uint32), np.zeros(shape, np.uint32)
-            path = np.zeros(shape, np.int64)
-            accumulate_parallel(
-                self.origins, self.directions, self.lengths, returns, self.low, self.grid.resolution, shape, threads,
-                hits, misses, path,
-            )  # fmt: skip
-            self._statistics = hits, path
-
-        return run
-
-    def _reference(self) -> int:
-        path, hits = self._rim(np.float32), self._rim(np.uint32)
-        arrays = [array.ctypes.data_as(ctypes.c_void_p) for array in (self.origins, self.directions, self.lengths)]
-        assert self.library is not None
-        return int(
-            self.library.accumulate(
-                *arrays,
-                ctypes.c_int64(len(self.lengths)),
-                self.low.ctypes.data_as(ctypes.c_void_p),
-                ctypes.c_double(self.grid.resolution),
-                ctypes.c_int64(self.stride),
-                path.ctypes.data_as(ctypes.c_void_p),
-                hits.ctypes.data_as(ctypes.c_void_p),
-            )
+    set_threads(given.threads)
+    for name, walk in walks.items():
+        bench.figure(
+            name, float(np.median(seconds[name])) / cells * 1e9, "ns/cell", spread(seconds[name] / cells * 1e9)
         )
+        for rival, most in walk.goals.items():
+            if rival in walks:
+                against = walks[rival].label if walks[rival].kind == walk.kind else rival
+                bench.goal(f"{name} / {against}", ratio(seconds, name, rival), "1", most)
+    for name, walk in walks.items():
+        if walk.label.startswith("factorloc"):
+            bench.figure(f"{name}, rays", len(returns.lengths) / float(np.median(seconds[name])) / 1e6, "million/s")
+    add_memory(bench, returns)
+    return bench.finish(given, plot_bars(_bars(bench, list(walks.values())), "ns/cell"))
 
 
-def _compiled_reference() -> ctypes.CDLL | None:
-    """The C++ walk, or None where there is no g++."""
-    compiler = shutil.which("g++")
-    if compiler is None:
-        print("no g++: the C++ reference is left out")
-        return None
-    with tempfile.TemporaryDirectory() as folder:
-        target = Path(folder) / "reference.so"
-        flags = ["-O3", "-march=native", "-std=c++17", "-shared", "-fPIC"]
-        subprocess.run([compiler, *flags, str(SOURCE), "-o", str(target)], check=True)
-        library = ctypes.CDLL(str(target))
-    library.accumulate.restype = ctypes.c_int64
-    return library
+def check_agreement(walks: Sequence[Walk]) -> int:
+    """Run every walk once and compare what it leaves behind; returns the number of cells the rays visit.
+
+    Raises
+    ------
+    MapError
+        If a walk does not agree with the first of its kind.
+    """
+    first: dict[str, Walk] = {}
+    cells = 0
+    for walk in walks:
+        visited = walk.run()
+        rival = first.setdefault(walk.kind, walk)
+        if walk is rival and isinstance(visited, int):
+            cells = visited
+        for own, expected in zip(walk.results(), rival.results(), strict=True):
+            if not np.abs(own - expected).sum() <= _AGREEMENT * np.abs(expected).sum():
+                raise MapError(f"{walk.name}: does not agree with {rival.label}; nothing was timed")
+    return cells
 
 
-def _picture(times: dict[str, float]) -> Figure:
-    from matplotlib.figure import Figure
+def add_memory(bench: Benchmark, returns: Returns) -> None:
+    """Add what a cell takes: in a map at rest, in the private grid of a thread, and in a level of the forward model."""
+    statistics, cells = returns.statistics, returns.statistics.grid.cells
+    at_rest = statistics.hits.nbytes + statistics.misses.nbytes + statistics.path_fixed.nbytes
+    # Path length and misses are walked as 64-bit integers, hits as 32-bit ones.
+    private = (returns.shape[0] + 2) * returns.stride * (2 * np.int64().nbytes + np.uint32().nbytes)
+    bench.figure("memory: map at rest", at_rest / cells, "bytes/cell")
+    bench.figure("memory: private grid of a thread", private / cells, "bytes/cell")
+    bench.figure("memory: rates and log rates", (returns.rates.nbytes + returns.log_rates.nbytes) / cells, "bytes/cell")
 
-    figure = Figure(figsize=(8, 0.4 * len(times) + 1.2), layout="constrained")
-    axes = figure.add_subplot()
-    colours = ["#999999" if name.startswith(("plain", "C++")) else "#0072B2" for name in times]
-    bars = axes.barh(list(times), list(times.values()), color=colours)
-    axes.bar_label(bars, fmt="%.2f", padding=3)
-    axes.invert_yaxis()
-    axes.set_xlabel("ns per cell (grey: references)")
-    axes.set_xlim(0, math.ceil(max(times.values()) * 1.15))
-    axes.spines[["top", "right"]].set_visible(False)
-    return figure
+
+def _bars(bench: Benchmark, walks: Sequence[Walk]) -> dict[str, list[Bar]]:
+    groups: dict[str, list[Bar]] = {kind: [] for kind in (ACCUMULATION, FORWARD, GRADIENT)}
+    for walk in walks:
+        bounds = [most * bench.figures[rival][0] for rival, most in walk.goals.items() if rival in bench.figures]
+        value = bench.figures[walk.name][0]
+        groups[walk.kind].append(Bar(walk.label, value, bench.spreads[walk.name], *bounds))
+    return groups
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """Slow reference implementations: one ray, one piece, one integral at a time, by the definition and without a trick."""
 
 import math
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -68,50 +69,41 @@ def pieces(ray: Ray, grid: Grid) -> list[Piece]:
                 at = (np.arange(cells + 1) - position) / velocity
             crossings += [float(t) for t in at if 0 < t < ray.length]
     crossings.sort()
-    return [Piece(a, b, cell_at(ray, (a + b) / 2, grid)) for a, b in zip(crossings, crossings[1:], strict=False)]
+    return [Piece(a, b, cell_at(ray, (a + b) / 2, grid)) for a, b in pairwise(crossings)]
 
 
 class Counts(NamedTuple):
-    """Hits, misses and path lengths (m) of the cells, and which of them rounding may have put beside the truth."""
+    """Hits, misses and path lengths (m) of the cells."""
 
     hits: np.ndarray
     misses: np.ndarray
     path: np.ndarray
-    doubtful: np.ndarray
 
 
 def ray_statistics(walked: list[Ray], grid: Grid) -> Counts:
     """Hits, misses and path lengths of rays; those below the minimum range leave nothing."""
-    counts = Counts(*(np.zeros(grid.shape, kind) for kind in (int, int, float, bool)))
+    counts = Counts(*(np.zeros(grid.shape, kind) for kind in (int, int, float)))
     for ray in walked:
         if ray.status == RayStatus.BELOW_MINIMUM:
             continue
         end = cell_at(ray, ray.length, grid) if ray.status == RayStatus.RETURN else None
         if end is not None:
             counts.hits[end] += 1
-        _doubt(counts.doubtful, ray, ray.length, grid)
         for piece in pieces(ray, grid):
-            _doubt(counts.doubtful, ray, (piece.start + piece.stop) / 2, grid)
-            if piece.cell is None:
-                continue
-            counts.path[piece.cell] += piece.length
-            counts.doubtful[piece.cell] |= piece.length < 2 * UNIT
-            if piece.cell != end and math.floor(piece.stop / UNIT) > math.floor(piece.start / UNIT):
-                counts.misses[piece.cell] += 1
+            if piece.cell is not None:
+                counts.path[piece.cell] += piece.length
+                if piece.cell != end and math.floor(piece.stop / UNIT) > math.floor(piece.start / UNIT):
+                    counts.misses[piece.cell] += 1
     return counts
 
 
-def _doubt(doubtful: np.ndarray, ray: Ray, t: float, grid: Grid) -> None:
-    point = (ray.origin + ray.direction * t - grid.origin) / grid.resolution
-    for x in np.unique(np.floor(point[0] + [-NEAR, NEAR])):
-        for y in np.unique(np.floor(point[1] + [-NEAR, NEAR])):
-            if (x, y) != tuple(np.floor(point)) or _near_a_line(point):
-                if 0 <= x < grid.shape[0] and 0 <= y < grid.shape[1]:
-                    doubtful[int(x), int(y)] = True
-
-
-def _near_a_line(point: np.ndarray) -> bool:
-    return bool((np.abs(point - np.round(point)) < NEAR).any())
+def is_ambiguous(ray: Ray, grid: Grid) -> bool:
+    """Whether rounding decides which cells a ray visits: it runs along a line, cuts a corner, or ends on a line."""
+    cut = pieces(ray, grid)
+    points = [ray.length, *((piece.start + piece.stop) / 2 for piece in cut)]
+    positions = (ray.origin + np.multiply.outer(points, ray.direction) - grid.origin) / grid.resolution
+    on_line = np.abs(positions - np.round(positions)).min() < NEAR
+    return bool(on_line or any(0 < piece.length < 2 * UNIT for piece in cut))
 
 
 def lengths_by_cell(ray: Ray, grid: Grid) -> dict[tuple[int, ...] | None, float]:

@@ -1,4 +1,4 @@
-"""Scan-to-map costs of planar scans with gradient and Gauss-Newton Hessian, in parallel over poses.
+"""Scan-to-map costs of planar scans with gradient and Gauss-Newton Hessian.
 
 Both models read two flat rimmed tables and three numbers a level of the map:
 
@@ -12,7 +12,7 @@ model                 primary      secondary       numbers
 
 import math
 
-from factorloc._jit import kernel, prange
+from factorloc._jit import kernel
 from factorloc.mapping._forward_kernels import integrate, walk_columns
 from factorloc.mapping._traversal_kernels import clip_ray
 
@@ -245,20 +245,6 @@ def scan_batch(
         Written; derivatives in the tangent space of the body.
     """
     for n in range(poses.shape[0]):
-        k = scan_of_pose[n]
-        costs[n] = scan_cost(
-            model, poses[n], origins, directions, lengths, offsets[k], offsets[k + 1], primary, secondary, numbers,
-            shape, low, resolution, want_gradient, gradients[n], hessians[n],
-        )  # fmt: skip
-
-
-@kernel(parallel=True)
-def scan_batch_parallel(
-    model, poses, scan_of_pose, origins, directions, lengths, offsets, primary, secondary, numbers, shape, low,
-    resolution, want_gradient, costs, gradients, hessians,
-):  # fmt: skip
-    """Like :func:`scan_batch`, in parallel over poses."""
-    for n in prange(poses.shape[0]):
         k = scan_of_pose[n]
         costs[n] = scan_cost(
             model, poses[n], origins, directions, lengths, offsets[k], offsets[k + 1], primary, secondary, numbers,

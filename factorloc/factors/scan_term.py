@@ -5,14 +5,15 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import distance_transform_edt, gaussian_filter
 
+from factorloc._jit import in_threads
 from factorloc.errors import GeometryError, MapError
-from factorloc.factors._scan_kernels import DECAY_RATE, DISTANCE_FIELD, scan_batch, scan_batch_parallel
+from factorloc.factors._scan_kernels import DECAY_RATE, DISTANCE_FIELD, scan_batch
 from factorloc.mapping.decay_rate import rimmed
 from factorloc.mapping.grid import Grid
 from factorloc.mapping.pyramid import DEFAULT_BLURS, BlurPyramid
@@ -191,13 +192,19 @@ class GridScanTerm:
         n = len(array)
         cost, gradient, hessian = np.empty(n), np.empty((n, 3)), np.empty((n, 3, 3))
         rays = self.rays
-        # Waking threads for less than a millisecond of work costs more than it saves.
-        busy = n > 1 and n * len(rays.ranges) > _PARALLEL_RAYS * len(rays)
-        evaluate: Any = scan_batch_parallel if busy else scan_batch
-        evaluate(
-            self.model, array, index, rays.origins, rays.directions, rays.ranges, rays.offsets, self.primary[level],
-            self.secondary[level], self.numbers[level], *self.layout, want_gradient, cost, gradient, hessian,
-        )  # fmt: skip
+
+        def evaluate(first: int, last: int) -> None:
+            part = slice(first, last)
+            scan_batch(
+                self.model, array[part], index[part], rays.origins, rays.directions, rays.ranges, rays.offsets,
+                self.primary[level], self.secondary[level], self.numbers[level], *self.layout, want_gradient,
+                cost[part], gradient[part], hessian[part],
+            )  # fmt: skip
+
+        if n * len(rays.ranges) > _PARALLEL_RAYS * len(rays):
+            in_threads(evaluate, n)
+        else:  # waking threads for less than a millisecond of work costs more than it saves
+            evaluate(0, n)
         return ScanCosts(self.information * cost, self.information * gradient, self.information * hessian)
 
 

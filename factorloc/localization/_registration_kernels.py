@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from factorloc._jit import kernel, prange
+from factorloc._jit import kernel
 from factorloc.factors._scan_kernels import scan_cost
 
 
@@ -114,10 +114,12 @@ def descend(
     trials = 0
     cost = 0.0
     converged = False
+    # A variable, not a literal: numba compiles kernels once more for a literal.
+    want_gradient = limits[0] > 0.0
     for level in levels:
         cost = information * scan_cost(
             model, pose, origins, directions, lengths, first, last, primary[level], secondary[level], numbers[level],
-            shape, low, resolution, True, gradient, scan_hessian,
+            shape, low, resolution, want_gradient, gradient, scan_hessian,
         )  # fmt: skip
         gradient *= information
         scan_hessian *= information
@@ -136,7 +138,7 @@ def descend(
             move(pose, step, scale, trial)
             new_cost = information * scan_cost(
                 model, trial, origins, directions, lengths, first, last, primary[level], secondary[level],
-                numbers[level], shape, low, resolution, True, new_gradient, new_scan_hessian,
+                numbers[level], shape, low, resolution, want_gradient, new_gradient, new_scan_hessian,
             )  # fmt: skip
             new_gradient *= information
             new_scan_hessian *= information
@@ -167,20 +169,6 @@ def register_batch(
 ):  # fmt: skip
     """Run :func:`descend` for N guesses; ``poses`` (N, 3) is overwritten, the last four arrays (N, ...) are written."""
     for n in range(poses.shape[0]):
-        k = scan_of_pose[n]
-        costs[n], trials[n], converged[n] = descend(
-            model, poses[n], origins, directions, lengths, offsets[k], offsets[k + 1], primary, secondary, numbers,
-            blurs, levels, shape, low, resolution, information, mean, world, limits, hessians[n],
-        )  # fmt: skip
-
-
-@kernel(parallel=True)
-def register_batch_parallel(
-    model, poses, scan_of_pose, origins, directions, lengths, offsets, primary, secondary, numbers, blurs, levels,
-    shape, low, resolution, information, mean, world, limits, costs, hessians, trials, converged,
-):  # fmt: skip
-    """Like :func:`register_batch`, in parallel over guesses."""
-    for n in prange(poses.shape[0]):
         k = scan_of_pose[n]
         costs[n], trials[n], converged[n] = descend(
             model, poses[n], origins, directions, lengths, offsets[k], offsets[k + 1], primary, secondary, numbers,

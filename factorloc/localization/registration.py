@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
+from factorloc._jit import in_threads
 from factorloc.config import Block
 from factorloc.errors import GeometryError
 from factorloc.factors.prior import PosePrior
 from factorloc.factors.scan_term import GridScanTerm
 from factorloc.geometry import se2
-from factorloc.localization._registration_kernels import register_batch, register_batch_parallel
+from factorloc.localization._registration_kernels import register_batch
 
 __all__ = ["Registration", "RegistrationSettings", "register"]
 
@@ -136,12 +136,17 @@ def register(
     costs, hessians = np.empty(n), np.empty((n, 3, 3))
     trials, converged = np.empty(n, np.int64), np.empty(n, np.bool_)
     rays = term.rays
-    descend: Any = register_batch_parallel if n > 1 else register_batch
-    descend(
-        term.model, poses, scan, rays.origins, rays.directions, rays.ranges, rays.offsets, term.primary,
-        term.secondary, term.numbers, np.array(term.blurs), through, *term.layout, term.information,
-        mean, world, settings.limits, costs, hessians, trials, converged,
-    )  # fmt: skip
+    blurs, limits = np.array(term.blurs), settings.limits
+
+    def descend(first: int, last: int) -> None:
+        part = slice(first, last)
+        register_batch(
+            term.model, poses[part], scan[part], rays.origins, rays.directions, rays.ranges, rays.offsets,
+            term.primary, term.secondary, term.numbers, blurs, through, *term.layout, term.information, mean, world,
+            limits, costs[part], hessians[part], trials[part], converged[part],
+        )  # fmt: skip
+
+    in_threads(descend, n)
     return Registration(poses, costs, hessians, trials, converged)
 
 

@@ -70,7 +70,8 @@ def walk_columns(rates, stride, p_x, p_y, v_x, v_y, t_in, t_out):
     line = min(max(np.floor(p_b + v_b * t_in), below - 1.0), below + 1.0)
     column = first * s_a
     cell = column + int(line) * s_b
-    rate_in = rates[cell]
+    # An unsigned index need not be asked whether it counts from the end.
+    rate_in = rates[np.uint64(cell)]
     # Sums of rates, and of rate changes plain, times (y - line) and times the number of the column's exit.
     sum_rate = 0.0
     sum_change = 0.0
@@ -82,9 +83,9 @@ def walk_columns(rates, stride, p_x, p_y, v_x, v_y, t_in, t_out):
         if row < 0:  # never: the ray is inside the array; keeps the loop scalar, which is faster than gathering
             break
         below = np.floor(y)
-        rate = rates[cell]
+        rate = rates[np.uint64(cell)]
         cell = column + row * s_b
-        change = rates[cell] - rate
+        change = rates[np.uint64(cell)] - rate
         sum_rate += rate
         sum_change += change
         sum_piece += change * (y - max(line, below))
@@ -97,8 +98,8 @@ def walk_columns(rates, stride, p_x, p_y, v_x, v_y, t_in, t_out):
     t_last = t_first + columns * pace
     y = p_b + v_b * t_out
     below = min(max(np.floor(y), line - 1.0), line + 1.0)
-    rate = rates[cell]
-    rate_out = rates[column + int(below) * s_b]
+    rate = rates[np.uint64(cell)]
+    rate_out = rates[np.uint64(column + int(below) * s_b)]
     change = rate_out - rate
     pieces = (sum_piece + change * (y - max(line, below))) * i_b
     total = sum_rate * pace + rate * (t_out - t_last) - rate_in * (t_in - t_first) + pieces

@@ -10,9 +10,7 @@ pieces of a ray add up to its length without any rounding; a piece shorter than 
 
 import math
 
-import numpy as np
-
-from factorloc._jit import exact_kernel, prange
+from factorloc._jit import exact_kernel
 
 FIXED_POINT = 2**20
 """Units of path length per metre."""
@@ -131,39 +129,25 @@ def accumulate(origins, directions, lengths, is_return, first, last, low, resolu
             path_misses[cell, 1] += 1
 
 
-@exact_kernel(parallel=True)
-def accumulate_parallel(
-    origins, directions, lengths, is_return, low, resolution, shape, blocks, hits_out, misses_out, path_out
-):
-    """Walk all rays in ``blocks`` threads and add what they leave to the statistics of the grid.
-
-    Every thread owns a rimmed array as :func:`accumulate` wants it. Integers add up to the same sums in any order, so
-    the number of threads leaves no trace.
+@exact_kernel
+def add_private(path_misses, hits, shape, first, last, hits_out, misses_out, path_out):
+    """Add what threads accumulated privately to the rows ``first:last`` of the statistics.
 
     Parameters
     ----------
-    origins, directions, lengths, is_return, low, resolution, shape
-        As for :func:`accumulate`.
-    blocks : int
-        Number of parts the rays are dealt to.
+    path_misses : (blocks, cells with rim, 2) int64
+    hits : (blocks, cells with rim) uint32
+    shape : (int, int)
+    first, last : int
+        Rows along x.
     hits_out, misses_out : (n_x, n_y) uint32
         Added to.
     path_out : (n_x, n_y) int64
         Added to.
     """
-    n_x, n_y = shape
-    rim = (n_x + 2) * (n_y + 2)
-    rays = lengths.shape[0]
-    path_misses = np.zeros((blocks, rim, 2), np.int64)
-    hits = np.zeros((blocks, rim), np.uint32)
-    for b in prange(blocks):
-        first = rays * b // blocks
-        last = rays * (b + 1) // blocks
-        accumulate(
-            origins, directions, lengths, is_return, first, last, low, resolution, shape, path_misses[b], hits[b]
-        )
-    for i in prange(n_x):
-        for b in range(blocks):
+    n_y = shape[1]
+    for i in range(first, last):
+        for b in range(path_misses.shape[0]):
             cell = (i + 1) * (n_y + 2) + 1
             for j in range(n_y):
                 path_out[i, j] += path_misses[b, cell, 0]

@@ -185,10 +185,11 @@ class Grid:
         MapError
             If ``inner`` does not share the raster, or does not lie within this grid.
         """
-        start = np.round((np.array(inner.origin) - self.origin) / self.resolution)
-        if not self.shares_raster(inner) or (start < 0).any() or (start + inner.shape > self.shape).any():
-            raise MapError(f"grid: {inner} is no part of {self}")
-        return tuple(slice(int(s), int(s) + n) for s, n in zip(start, inner.shape, strict=True))
+        if self.shares_raster(inner):
+            start = np.round((np.array(inner.origin) - self.origin) / self.resolution)
+            if (start >= 0).all() and (start + inner.shape <= self.shape).all():
+                return tuple(slice(int(s), int(s) + n) for s, n in zip(start, inner.shape, strict=True))
+        raise MapError(f"grid: {inner} is no part of {self}")
 
     def crop(self, low: npt.ArrayLike, high: npt.ArrayLike) -> Grid:
         """Return the part of this grid, on its raster, that covers a box.

