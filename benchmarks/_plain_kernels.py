@@ -16,8 +16,6 @@ from factorloc._jit import kernel
 
 Array = npt.NDArray[np.float64]
 
-_NEVER = 1e300  # m; where a ray crosses a line it is parallel to
-
 
 @kernel
 def start(stride: int, p_x: float, p_y: float, v_x: float, v_y: float, length: float) -> tuple[float, ...]:
@@ -27,12 +25,16 @@ def start(stride: int, p_x: float, p_y: float, v_x: float, v_y: float, length: f
     """
     i_x = math.floor(p_x)
     i_y = math.floor(p_y)
-    crossings = abs(math.floor(p_x + v_x * length) - i_x) + abs(math.floor(p_y + v_y * length) - i_y)
-    d_x = 1.0 / abs(v_x) if v_x != 0.0 else _NEVER
-    d_y = 1.0 / abs(v_y) if v_y != 0.0 else _NEVER
-    t_x = (i_x + 1.0 - p_x if v_x > 0.0 else p_x - i_x) * d_x
-    t_y = (i_y + 1.0 - p_y if v_y > 0.0 else p_y - i_y) * d_y
-    return i_x * stride + i_y, crossings, t_x, t_y, d_x, d_y, stride if v_x > 0.0 else -stride, 1 if v_y > 0.0 else -1
+    lines_x = abs(math.floor(p_x + v_x * length) - i_x)
+    lines_y = abs(math.floor(p_y + v_y * length) - i_y)
+    d_x = 1.0 / abs(v_x)
+    d_y = 1.0 / abs(v_y)
+    # A ray along a line may cross it by its direction and not by its end, which is rounded; the end decides.
+    t_x = (i_x + 1.0 - p_x if v_x > 0.0 else p_x - i_x) * d_x if lines_x > 0 else math.inf
+    t_y = (i_y + 1.0 - p_y if v_y > 0.0 else p_y - i_y) * d_y if lines_y > 0 else math.inf
+    step_x = stride if v_x > 0.0 else -stride
+    step_y = 1 if v_y > 0.0 else -1
+    return i_x * stride + i_y, lines_x + lines_y, t_x, t_y, d_x, d_y, step_x, step_y
 
 
 @kernel

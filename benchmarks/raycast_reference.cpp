@@ -29,14 +29,16 @@ extern "C" int64_t accumulate(
     const auto i_y = static_cast<int64_t>(std::floor(p_y));
     const auto e_x = static_cast<int64_t>(std::floor(p_x + v_x * length));
     const auto e_y = static_cast<int64_t>(std::floor(p_y + v_y * length));
-    const double d_x = v_x != 0.0 ? 1.0 / std::fabs(v_x) : HUGE_VAL;
-    const double d_y = v_y != 0.0 ? 1.0 / std::fabs(v_y) : HUGE_VAL;
-    // No crossing at 0 * infinity: a ray along an axis never leaves its row.
-    double t_x = v_x != 0.0 ? (v_x > 0.0 ? i_x + 1 - p_x : p_x - i_x) * d_x : HUGE_VAL;
-    double t_y = v_y != 0.0 ? (v_y > 0.0 ? i_y + 1 - p_y : p_y - i_y) * d_y : HUGE_VAL;
+    const int64_t lines_x = std::llabs(e_x - i_x);
+    const int64_t lines_y = std::llabs(e_y - i_y);
+    const double d_x = 1.0 / std::fabs(v_x);
+    const double d_y = 1.0 / std::fabs(v_y);
+    // A ray along a line may cross it by its direction and not by its end, which is rounded; the end decides.
+    double t_x = lines_x > 0 ? (v_x > 0.0 ? i_x + 1 - p_x : p_x - i_x) * d_x : HUGE_VAL;
+    double t_y = lines_y > 0 ? (v_y > 0.0 ? i_y + 1 - p_y : p_y - i_y) * d_y : HUGE_VAL;
     const int64_t step_x = v_x > 0.0 ? stride : -stride;
     const int64_t step_y = v_y > 0.0 ? 1 : -1;
-    const int64_t crossings = std::llabs(e_x - i_x) + std::llabs(e_y - i_y);
+    const int64_t crossings = lines_x + lines_y;
     int64_t cell = i_x * stride + i_y;
     double t = 0.0;
     for (int64_t n = 0; n < crossings; ++n) {

@@ -9,10 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from factorloc.datasets import read_carmen
+from factorloc.errors import DataError
 from factorloc.mapping import BlurPyramid, RayStatistics
 from factorloc.mapping.ray_statistics import rays_in_map
 from factorloc.scan import pack
-from factorloc.simulation import PlanarLidar, office_plan, office_routes, simulate_drive
+from factorloc.simulation import PlanarLidar, office_plan, office_routes
 
 __all__ = ["OFFICE", "Returns", "load_returns"]
 
@@ -20,6 +21,8 @@ Array = npt.NDArray[np.float64]
 
 OFFICE = "office"
 """Name of the simulated drive."""
+
+_PERIOD = 0.5  # s, between two simulated scans
 
 
 @dataclass(frozen=True)
@@ -91,20 +94,24 @@ def load_returns(data: Path | None, log: str, scans: int = 0, resolution: float 
     Raises
     ------
     DataError
-        If the log cannot be read.
+        If the log cannot be read, or carries no truth.
     """
-    if data is None or log == OFFICE:
-        simulated = simulate_drive(office_plan(), office_routes()[0], PlanarLidar.wide(), seed=1, name=OFFICE)
-        source, every, truth = "simulated office", simulated.scans, simulated.truth.poses
+    drive = None if data is None or log == OFFICE else read_carmen(data / "carmen" / f"{log}-corrected.log.gz")
+    if drive is None:
+        truth = office_routes()[0].sample(_PERIOD).poses
+    elif drive.truth is None:
+        raise DataError(f"{drive.name}: is no corrected log; name one that is")
     else:
-        path = data / "carmen" / f"{log}-corrected.log.gz"
-        drive = read_carmen(path, corrected=True)
-        assert drive.truth is not None  # a corrected log carries it
-        source, every, truth = path.name, drive.scans, drive.truth.poses
-    rows = np.unique(np.linspace(0, len(every) - 1, scans or len(every)).round().astype(np.int64))
-    chosen, poses = [every[row] for row in rows], truth[rows]
+        truth = drive.truth.poses
+    rows = np.unique(np.linspace(0, len(truth) - 1, scans or len(truth)).round().astype(np.int64))
+    poses = truth[rows]
+    if drive is None:
+        chosen = PlanarLidar.wide().cast_many(office_plan(), poses, np.random.default_rng(1))
+    else:
+        chosen = [drive.scans[row] for row in rows]
     rays = pack(chosen).returns()
     origins, directions = rays_in_map(rays, poses)
     statistics = RayStatistics.from_scans(chosen, poses, resolution=resolution)
     finest = BlurPyramid.from_statistics(statistics, blurs=(0.0,)).levels[0]
+    source = "simulated office" if drive is None else f"log {drive.name}"
     return Returns(source, statistics, origins, directions, rays.ranges, finest.rates, finest.log_rates)

