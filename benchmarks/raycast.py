@@ -24,7 +24,7 @@ from factorloc.errors import MapError
 ROUNDS = {False: 41, True: 11}
 """Rounds of a full and of a quick run."""
 
-_SAME = 1e-6  # of the largest magnitude; float lengths keep seven digits
+_SAME = 1e-5  # of the largest magnitude; float lengths keep seven digits, fixed ones end at a micrometre
 _TIES = 1e-3  # of all values: which cell a ray along a line or through a corner is in, rounding decides
 
 

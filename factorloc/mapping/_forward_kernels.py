@@ -206,7 +206,7 @@ def posterior_log_likelihoods(
         elif status[k] == 2:
             length = limits[1]
         t_in, t_out = clip_ray(p_x, p_y, v_x, v_y, length, n_x, n_y)
-        through = t_in < t_out
+        through = t_in <= t_out
         passed_outside = length - (t_out - t_in) if through else length
         log_pass = -prior_shape * math.log1p(passed_outside / prior_path)
         end_shape = prior_shape
@@ -240,7 +240,9 @@ def posterior_log_likelihoods(
             cell = (e_x + 1) * width + e_y + 1
             last = max(t_out - t, 0.0)
             log_pass -= shapes[cell] * math.log1p(last / paths[cell])
-            if t_out >= length:
+            end_x = math.floor(p_x + v_x * length)
+            end_y = math.floor(p_y + v_y * length)
+            if 0 <= end_x < n_x and 0 <= end_y < n_y:
                 end_shape = shapes[cell]
                 end_path = paths[cell] + last
         if status[k] == 2:

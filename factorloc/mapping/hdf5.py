@@ -7,6 +7,7 @@ change an attribute unnoticed or send the library round in circles.
 
 from __future__ import annotations
 
+import io
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -40,14 +41,16 @@ def _chunks(shape: tuple[int, ...]) -> tuple[int, ...]:
 
 @contextmanager
 def creating(path: Path) -> Iterator[h5py.File]:
-    """Open a new file; a failure to write it, which HDF5 may report as anything, is an ``OSError``."""
+    """Open a new file, which is put together in memory and written when the block ends.
+
+    HDF5 cannot be trusted with a full disk: it crashes when it closes what it could not write.
+    """
     import h5py
 
-    try:
-        with h5py.File(path, "w", libver=_LIBRARY) as file:
-            yield file
-    except RuntimeError as error:
-        raise OSError(" ".join(str(error).split())) from error
+    image = io.BytesIO()
+    with h5py.File(image, "w", libver=_LIBRARY) as file:
+        yield file
+    path.write_bytes(image.getbuffer())
 
 
 def create_text(file: h5py.File, name: str, text: str) -> None:

@@ -70,8 +70,8 @@ def accumulate_rays(
 ) -> None:
     """Walk rays through a planar grid in ``blocks`` threads and add what they leave to three arrays.
 
-    Every block owns private arrays (20 bytes a cell), whose integers add up to the same sums in any order: the number of
-    threads leaves no trace. Arguments as :func:`factorloc.mapping._traversal_kernels.accumulate`.
+    Every block owns private arrays (20 bytes a cell), whose integers add up to the same sums in any order: the number
+    of threads leaves no trace. Arguments as :func:`factorloc.mapping._traversal_kernels.accumulate`.
     """
     rim = (shape[0] + 2) * (shape[1] + 2)
     private_path, private_hits = np.zeros((blocks, rim, 2), np.int64), np.zeros((blocks, rim), np.uint32)

@@ -10,6 +10,7 @@ from strategies import floats
 from factorloc.mapping import Grid, RayStatistics
 from factorloc.scan import Rays, RayStatus, Scan
 
+SEEDS = st.integers(0, 2**32 - 1)
 STATUSES = st.sampled_from(list(RayStatus))
 EIGHTHS = st.integers(-40, 40).map(lambda n: n / 8)
 AXES = st.sampled_from([(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)]).map(np.array)
@@ -26,13 +27,19 @@ def grids(draw: st.DrawFn, most: int = 9) -> Grid:
 
 
 @st.composite
-def rays_near(draw: st.DrawFn, grid: Grid, statuses: st.SearchStrategy[RayStatus] = STATUSES) -> Ray:
-    """Rays that start in a grid or around it, and may miss it."""
+def rays_near(
+    draw: st.DrawFn, grid: Grid, count: int = 4, statuses: tuple[RayStatus, ...] = tuple(RayStatus)
+) -> list[Ray]:
+    """Rays in general position that start in a grid or around it, and may miss it."""
+    rng = np.random.default_rng(draw(SEEDS))
     size = np.multiply(grid.shape, grid.resolution)
-    origin = np.array(grid.origin) + size * draw(st.tuples(floats(-0.7, 1.7), floats(-0.7, 1.7)))
-    angle = draw(floats(-np.pi, np.pi))
-    length = draw(st.sampled_from([0.0]) | floats(0, 2 * float(size.sum())))
-    return Ray(origin, np.array([np.cos(angle), np.sin(angle)]), length, draw(statuses))
+    rays = []
+    for _ in range(count):
+        angle = rng.uniform(-np.pi, np.pi)
+        length = 2 * size.sum() * rng.uniform() ** rng.choice([1, 4])
+        origin = grid.origin + size * rng.uniform(-0.7, 1.7, 2)
+        rays.append(Ray(origin, np.array([np.cos(angle), np.sin(angle)]), float(length), rng.choice(statuses)))
+    return rays
 
 
 @st.composite
@@ -54,11 +61,10 @@ def exact_rays(draw: st.DrawFn) -> Ray:
 def statistics(draw: st.DrawFn, grid: st.SearchStrategy[Grid] | None = None) -> RayStatistics:
     """Counts of a map: seen and unseen cells, hit and never hit; no hit without some path."""
     where = draw(grids() if grid is None else grid)
-    cells = where.cells
-    hits = np.array(draw(st.lists(st.sampled_from([0, 0, 1, 2, 7]), min_size=cells, max_size=cells)))
-    path = np.array(draw(st.lists(st.sampled_from([0.0, 0.3, 1.0, 9.0]), min_size=cells, max_size=cells)))
-    path = np.where(hits > 0, np.maximum(path, 0.25), path)
-    return counted(where, hits.reshape(where.shape), path.reshape(where.shape))
+    rng = np.random.default_rng(draw(SEEDS))
+    hits = rng.choice([0, 0, 1, 2, 7], where.shape)
+    path = np.where(hits > 0, rng.choice([0.25, 1.0, 9.0], where.shape), rng.choice([0.0, 0.3, 9.0], where.shape))
+    return counted(where, hits, path)
 
 
 def counted(grid: Grid, hits: np.ndarray, path: np.ndarray) -> RayStatistics:
