@@ -94,8 +94,8 @@ def add_memory(bench: Benchmark, returns: Returns) -> None:
     """Add what a cell takes: in a map at rest, in the private grid of a thread, and in a level of the forward model."""
     statistics, cells = returns.statistics, returns.statistics.grid.cells
     at_rest = statistics.hits.nbytes + statistics.misses.nbytes + statistics.path_fixed.nbytes
-    # Path length and misses are walked as 64-bit integers, hits as 32-bit ones.
-    private = (returns.shape[0] + 2) * returns.stride * (2 * np.int64().nbytes + np.uint32().nbytes)
+    # Path length is one 64-bit integer, misses and hits share another.
+    private = (returns.shape[0] + 2) * returns.stride * 2 * np.int64().nbytes
     bench.figure("memory: map at rest", at_rest / cells, "bytes/cell")
     bench.figure("memory: private grid of a thread", private / cells, "bytes/cell")
     bench.figure("memory: rates and log rates", (returns.rates.nbytes + returns.log_rates.nbytes) / cells, "bytes/cell")

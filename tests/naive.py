@@ -160,7 +160,7 @@ def _log_likelihood(ray: Ray, log_pass: float, log_rate: float) -> float:
 
 def marginal_log_likelihood(shape: float, path: float, H: np.ndarray, R: np.ndarray) -> float:
     """Log of the product over cells of the integral over the rate: prior times ``rate^H exp(-rate R)``."""
-    log_rate = np.linspace(-60.0, 15.0, 6001)
+    log_rate = np.linspace(-60.0, 15.0, 2001)
     rate = np.exp(log_rate)
     density = gamma.pdf(rate, shape, scale=1 / path) * rate  # in the logarithm of the rate
     seen = np.exp(H[:, None] * log_rate - rate * R[:, None])

@@ -15,6 +15,8 @@ from factorloc._jit import exact_kernel
 FIXED_POINT = 2**20
 """Units of path length per metre."""
 
+_HIT = 2**32  # a hit, in the integer whose lower half counts misses
+
 
 @exact_kernel
 def clip_ray(p_x, p_y, v_x, v_y, length, n_x, n_y):
@@ -39,7 +41,7 @@ def clip_ray(p_x, p_y, v_x, v_y, length, n_x, n_y):
 
 
 @exact_kernel
-def accumulate(origins, directions, lengths, is_return, first, last, low, resolution, shape, path_misses, hits):
+def accumulate(origins, directions, lengths, is_return, first, last, low, resolution, shape, path_visits):
     """Walk the rays ``first:last`` through a planar grid.
 
     Parameters
@@ -56,11 +58,9 @@ def accumulate(origins, directions, lengths, is_return, first, last, low, resolu
         Edge length of a cell, m.
     shape : (int, int)
         Cells along x and y.
-    path_misses : ((n_x + 2) * (n_y + 2), 2) int64
-        Path length (fixed point) and misses of each cell, with a rim of one cell that keeps rounding at the border
-        inside the array; added to.
-    hits : ((n_x + 2) * (n_y + 2),) uint32
-        Hits of each cell; added to.
+    path_visits : ((n_x + 2) * (n_y + 2), 2) int64
+        Path length (fixed point) and visits of each cell, misses in the lower 32 bits and hits above, side by side in
+        memory; with a rim of one cell that keeps rounding at the border inside the array. Added to.
     """
     n_x, n_y = shape
     width = n_y + 2
@@ -105,8 +105,8 @@ def accumulate(origins, directions, lengths, is_return, first, last, low, resolu
             if t_x < t_y:
                 here = int(min(t_x, t_out) * FIXED_POINT)
                 if here > before:
-                    path_misses[cell, 0] += here - before
-                    path_misses[cell, 1] += 1
+                    path_visits[cell, 0] += here - before
+                    path_visits[cell, 1] += 1
                     before = here
                 cell += stride_x
                 line_x += step_x
@@ -114,29 +114,29 @@ def accumulate(origins, directions, lengths, is_return, first, last, low, resolu
             else:
                 here = int(min(t_y, t_out) * FIXED_POINT)
                 if here > before:
-                    path_misses[cell, 0] += here - before
-                    path_misses[cell, 1] += 1
+                    path_visits[cell, 0] += here - before
+                    path_visits[cell, 1] += 1
                     before = here
                 cell += stride_y
                 line_y += step_y
                 t_y = (line_y - p_y) * i_v_y
         cell = (e_x + 1) * width + e_y + 1
         here = int(t_out * FIXED_POINT)
-        path_misses[cell, 0] += max(here - before, 0)
+        path_visits[cell, 0] += max(here - before, 0)
         if ends_here:
-            hits[cell] += 1
+            path_visits[cell, 1] += _HIT
         elif here > before:
-            path_misses[cell, 1] += 1
+            path_visits[cell, 1] += 1
 
 
 @exact_kernel
-def add_private(path_misses, hits, shape, first, last, hits_out, misses_out, path_out):
+def add_private(path_visits, shape, first, last, hits_out, misses_out, path_out):
     """Add what threads accumulated privately to the rows ``first:last`` of the statistics.
 
     Parameters
     ----------
-    path_misses : (blocks, cells with rim, 2) int64
-    hits : (blocks, cells with rim) uint32
+    path_visits : (blocks, cells with rim, 2) int64
+        As :func:`accumulate` leaves it.
     shape : (int, int)
     first, last : int
         Rows along x.
@@ -147,10 +147,11 @@ def add_private(path_misses, hits, shape, first, last, hits_out, misses_out, pat
     """
     n_y = shape[1]
     for i in range(first, last):
-        for b in range(path_misses.shape[0]):
+        for b in range(path_visits.shape[0]):
             cell = (i + 1) * (n_y + 2) + 1
             for j in range(n_y):
-                path_out[i, j] += path_misses[b, cell, 0]
-                misses_out[i, j] += path_misses[b, cell, 1]
-                hits_out[i, j] += hits[b, cell]
+                path_out[i, j] += path_visits[b, cell, 0]
+                visits = path_visits[b, cell, 1]
+                misses_out[i, j] += visits % _HIT
+                hits_out[i, j] += visits // _HIT
                 cell += 1

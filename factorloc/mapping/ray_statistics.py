@@ -70,22 +70,22 @@ def accumulate_rays(
 ) -> None:
     """Walk rays through a planar grid in ``blocks`` threads and add what they leave to three arrays.
 
-    Every block owns private arrays (20 bytes a cell), whose integers add up to the same sums in any order: the number
+    Every block owns a private array (16 bytes a cell), whose integers add up to the same sums in any order: the number
     of threads leaves no trace. Arguments as :func:`factorloc.mapping._traversal_kernels.accumulate`.
     """
     rim = (shape[0] + 2) * (shape[1] + 2)
-    private_path, private_hits = np.zeros((blocks, rim, 2), np.int64), np.zeros((blocks, rim), np.uint32)
+    private = np.zeros((blocks, rim, 2), np.int64)
     rays = len(lengths)
 
     def walk(first: int, last: int) -> None:
         for b in range(first, last):
             part = rays * b // blocks, rays * (b + 1) // blocks
             accumulate(
-                origins, directions, lengths, is_return, *part, low, resolution, shape, private_path[b], private_hits[b]
+                origins, directions, lengths, is_return, *part, low, resolution, shape, private[b]
             )
 
     def add(first: int, last: int) -> None:
-        add_private(private_path, private_hits, shape, first, last, hits, misses, path)
+        add_private(private, shape, first, last, hits, misses, path)
 
     _jit.in_threads(walk, blocks)
     if blocks > 1:
