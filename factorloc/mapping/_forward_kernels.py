@@ -79,12 +79,9 @@ def walk_columns(rates, stride, p_x, p_y, v_x, v_y, t_in, t_out):
     sum_number = 0.0
     for k in range(1, columns + 1):
         y += slope
-        row = int(y)
-        if row < 0:  # never: the ray is inside the array; keeps the loop scalar, which is faster than gathering
-            break
         below = np.floor(y)
         rate = rates[np.uint64(cell)]
-        cell = column + row * s_b
+        cell = column + int(y) * s_b
         change = rates[np.uint64(cell)] - rate
         sum_rate += rate
         sum_change += change
