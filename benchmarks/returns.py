@@ -11,7 +11,7 @@ import numpy.typing as npt
 from factorloc.datasets import read_carmen
 from factorloc.errors import DataError
 from factorloc.mapping import BlurPyramid, RayStatistics
-from factorloc.mapping.ray_statistics import rays_in_map
+from factorloc.mapping.accumulation import rays_in_map
 from factorloc.scan import pack
 from factorloc.simulation import PlanarLidar, office_plan, office_routes
 

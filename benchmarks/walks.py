@@ -16,7 +16,7 @@ from benchmarks.returns import Returns
 from factorloc._jit import in_threads
 from factorloc.mapping._forward_kernels import decay_log_likelihoods
 from factorloc.mapping._traversal_kernels import FIXED_POINT
-from factorloc.mapping.ray_statistics import accumulate_rays
+from factorloc.mapping.accumulation import accumulate_rays
 from factorloc.scan import RayStatus
 
 __all__ = ["ACCUMULATION", "FORWARD", "GRADIENT", "Walk", "all_walks"]

@@ -8,7 +8,9 @@ for incremental ones.
 from factorloc.factors.adaptors import hessian_factors, square_root_factor
 from factorloc.factors.odometry import OdometryNoise, odometry_factors
 from factorloc.factors.prior import PosePrior
-from factorloc.factors.scan_term import DecayRateTerm, DistanceFieldTerm, ScanCosts, ScanTerm
+from factorloc.factors.distance_field import DistanceFieldTerm
+from factorloc.factors.grid_scan_term import DecayRateTerm
+from factorloc.factors.scan_term import ScanCosts, ScanTerm
 
 __all__ = [
     "DecayRateTerm",

@@ -104,39 +104,6 @@ def hybrid_nll(rates, log_rates, shape, outside, log_outside, p_x, p_y, v_x, v_y
 
 
 @kernel
-def to_body_frame(c, s, gradient, hessian):
-    """Turn a gradient and Hessian by world coordinates (x, y, theta) into the tangent space of the body."""
-    g_x = gradient[0]
-    g_y = gradient[1]
-    gradient[0] = c * g_x + s * g_y
-    gradient[1] = -s * g_x + c * g_y
-    h_xx = hessian[0, 0]
-    h_xy = hessian[0, 1]
-    h_yy = hessian[1, 1]
-    hessian[0, 0] = c * c * h_xx + 2.0 * c * s * h_xy + s * s * h_yy
-    hessian[0, 1] = c * s * (h_yy - h_xx) + (c * c - s * s) * h_xy
-    hessian[1, 1] = s * s * h_xx - 2.0 * c * s * h_xy + c * c * h_yy
-    h_xt = hessian[0, 2]
-    h_yt = hessian[1, 2]
-    hessian[0, 2] = c * h_xt + s * h_yt
-    hessian[1, 2] = -s * h_xt + c * h_yt
-    hessian[1, 0] = hessian[0, 1]
-    hessian[2, 0] = hessian[0, 2]
-    hessian[2, 1] = hessian[1, 2]
-
-
-@kernel
-def add_outer(hessian, weight, g_0, g_1, g_2):
-    """Add ``weight * g g'`` to the upper triangle."""
-    hessian[0, 0] += weight * g_0 * g_0
-    hessian[0, 1] += weight * g_0 * g_1
-    hessian[0, 2] += weight * g_0 * g_2
-    hessian[1, 1] += weight * g_1 * g_1
-    hessian[1, 2] += weight * g_1 * g_2
-    hessian[2, 2] += weight * g_2 * g_2
-
-
-@kernel
 def decay_ray(primary, secondary, numbers, log_outside, shape, p_x, p_y, d_x, d_y, length, inverse, want_gradient):
     """Hybrid NLL of one ray with the weight of its outer product: value, origin and direction derivatives, weight."""
     value, g_x, g_y, m_x, m_y = hybrid_nll(
@@ -174,7 +141,7 @@ def field_ray(field, numbers, shape, p_x, p_y, d_x, d_y, length, inverse):
 @kernel
 def scan_cost(
     model, pose, origins, directions, lengths, first, last, primary, secondary, numbers, shape, low, resolution,
-    want_gradient, gradient, hessian,
+    information, want_gradient, gradient, hessian,
 ):  # fmt: skip
     """Sum a model's costs over the rays ``first:last`` of one scan; see :func:`scan_batch`."""
     c = math.cos(pose[2])
@@ -182,8 +149,9 @@ def scan_cost(
     inverse = 1.0 / resolution
     log_outside = math.log(numbers[0]) if model == DECAY_RATE else 0.0
     cost = 0.0
-    gradient[:] = 0.0
-    hessian[:] = 0.0
+    # Gradient and Hessian by world coordinates (x, y, theta); in registers, as nothing proves arrays apart.
+    g_0 = g_1 = g_2 = 0.0
+    h_00 = h_01 = h_02 = h_11 = h_12 = h_22 = 0.0
     for k in range(first, last):
         # Ray origin relative to the body, and its direction, in the frame of the map.
         a_x = c * origins[k, 0] - s * origins[k, 1]
@@ -204,19 +172,32 @@ def scan_cost(
         if want_gradient:
             # Turning the body moves the origin by (-a_y, a_x) and the direction by (-d_y, d_x).
             g_t = a_x * g_y - a_y * g_x + d_x * m_y - d_y * m_x
-            gradient[0] += g_x
-            gradient[1] += g_y
-            gradient[2] += g_t
-            add_outer(hessian, weight, g_x, g_y, g_t)
-    if want_gradient:
-        to_body_frame(c, s, gradient, hessian)
-    return cost
+            g_0 += g_x
+            g_1 += g_y
+            g_2 += g_t
+            h_00 += weight * g_x * g_x
+            h_01 += weight * g_x * g_y
+            h_02 += weight * g_x * g_t
+            h_11 += weight * g_y * g_y
+            h_12 += weight * g_y * g_t
+            h_22 += weight * g_t * g_t
+    # Into the tangent space of the body.
+    gradient[0] = information * (c * g_0 + s * g_1)
+    gradient[1] = information * (-s * g_0 + c * g_1)
+    gradient[2] = information * g_2
+    hessian[0, 0] = information * (c * c * h_00 + 2.0 * c * s * h_01 + s * s * h_11)
+    hessian[1, 1] = information * (s * s * h_00 - 2.0 * c * s * h_01 + c * c * h_11)
+    hessian[2, 2] = information * h_22
+    hessian[0, 1] = hessian[1, 0] = information * (c * s * (h_11 - h_00) + (c * c - s * s) * h_01)
+    hessian[0, 2] = hessian[2, 0] = information * (c * h_02 + s * h_12)
+    hessian[1, 2] = hessian[2, 1] = information * (-s * h_02 + c * h_12)
+    return information * cost
 
 
 @kernel
 def scan_batch(
     model, poses, scan_of_pose, origins, directions, lengths, offsets, primary, secondary, numbers, shape, low,
-    resolution, want_gradient, costs, gradients, hessians,
+    resolution, information, want_gradient, costs, gradients, hessians,
 ):  # fmt: skip
     """Cost, gradient and Hessian of many scans at many poses.
 
@@ -240,6 +221,8 @@ def scan_batch(
         Cells without rim.
     low : (2,) float64
     resolution : float
+    information : float
+        Factor of all costs.
     want_gradient : bool
     costs : (N,), gradients : (N, 3), hessians : (N, 3, 3)
         Written; derivatives in the tangent space of the body.
@@ -248,5 +231,5 @@ def scan_batch(
         k = scan_of_pose[n]
         costs[n] = scan_cost(
             model, poses[n], origins, directions, lengths, offsets[k], offsets[k + 1], primary, secondary, numbers,
-            shape, low, resolution, want_gradient, gradients[n], hessians[n],
+            shape, low, resolution, information, want_gradient, gradients[n], hessians[n],
         )  # fmt: skip

@@ -7,6 +7,23 @@ import numpy as np
 from factorloc._jit import kernel
 from factorloc.factors._scan_kernels import scan_cost
 
+_MOST_DAMPING = 1e20  # a matrix that needs more than this is none
+
+
+@kernel
+def copy_vector(source, target):
+    """Copy three numbers; a slice assignment takes a second longer to compile."""
+    for i in range(3):
+        target[i] = source[i]
+
+
+@kernel
+def copy_matrix(source, target):
+    """Copy three by three numbers."""
+    for i in range(3):
+        for j in range(3):
+            target[i, j] = source[i, j]
+
 
 @kernel
 def solve_damped(hessian, gradient, damping, step):
@@ -60,30 +77,33 @@ def move(pose, step, scale, out):
 @kernel
 def add_prior(pose, mean, world, gradient, hessian):
     """Add a Gaussian prior, quadratic in world coordinates, to derivatives in the tangent space; return its cost."""
+    w_00 = world[0, 0]
+    w_01 = world[0, 1]
+    w_02 = world[0, 2]
+    w_11 = world[1, 1]
+    w_12 = world[1, 2]
+    w_22 = world[2, 2]
     d_0 = pose[0] - mean[0]
     d_1 = pose[1] - mean[1]
     d_2 = pose[2] - mean[2]
     d_2 -= 2.0 * math.pi * math.floor((d_2 + math.pi) / (2.0 * math.pi))
-    p_0 = world[0, 0] * d_0 + world[0, 1] * d_1 + world[0, 2] * d_2
-    p_1 = world[1, 0] * d_0 + world[1, 1] * d_1 + world[1, 2] * d_2
-    p_2 = world[2, 0] * d_0 + world[2, 1] * d_1 + world[2, 2] * d_2
+    p_0 = w_00 * d_0 + w_01 * d_1 + w_02 * d_2
+    p_1 = w_01 * d_0 + w_11 * d_1 + w_12 * d_2
+    p_2 = w_02 * d_0 + w_12 * d_1 + w_22 * d_2
     c = math.cos(pose[2])
     s = math.sin(pose[2])
+    h_01 = hessian[0, 1] + c * s * (w_11 - w_00) + (c * c - s * s) * w_01
+    h_02 = hessian[0, 2] + c * w_02 + s * w_12
+    h_12 = hessian[1, 2] - s * w_02 + c * w_12
     gradient[0] += c * p_0 + s * p_1
     gradient[1] += -s * p_0 + c * p_1
     gradient[2] += p_2
-    w_xx = world[0, 0]
-    w_xy = world[0, 1]
-    w_yy = world[1, 1]
-    hessian[0, 0] += c * c * w_xx + 2.0 * c * s * w_xy + s * s * w_yy
-    hessian[0, 1] += c * s * (w_yy - w_xx) + (c * c - s * s) * w_xy
-    hessian[1, 1] += s * s * w_xx - 2.0 * c * s * w_xy + c * c * w_yy
-    hessian[0, 2] += c * world[0, 2] + s * world[1, 2]
-    hessian[1, 2] += -s * world[0, 2] + c * world[1, 2]
-    hessian[2, 2] += world[2, 2]
-    hessian[1, 0] = hessian[0, 1]
-    hessian[2, 0] = hessian[0, 2]
-    hessian[2, 1] = hessian[1, 2]
+    hessian[0, 0] += c * c * w_00 + 2.0 * c * s * w_01 + s * s * w_11
+    hessian[1, 1] += s * s * w_00 - 2.0 * c * s * w_01 + c * c * w_11
+    hessian[2, 2] += w_22
+    hessian[0, 1] = hessian[1, 0] = h_01
+    hessian[0, 2] = hessian[2, 0] = h_02
+    hessian[1, 2] = hessian[2, 1] = h_12
     return 0.5 * (d_0 * p_0 + d_1 * p_1 + d_2 * p_2)
 
 
@@ -112,53 +132,51 @@ def descend(
     step = np.empty(3)
     trial = np.empty(3)
     trials = 0
-    cost = 0.0
+    cost = math.inf
     converged = False
     # A variable, not a literal: numba compiles kernels once more for a literal.
     want_gradient = limits[0] > 0.0
     for level in levels:
-        cost = information * scan_cost(
-            model, pose, origins, directions, lengths, first, last, primary[level], secondary[level], numbers[level],
-            shape, low, resolution, want_gradient, gradient, scan_hessian,
-        )  # fmt: skip
-        gradient *= information
-        scan_hessian *= information
-        hessian[:] = scan_hessian
-        cost += add_prior(pose, mean, world, gradient, hessian)
+        cost = math.inf
         damping = limits[5]
         least = max(limits[4], 0.01 * blurs[level])
         converged = False
-        for _ in range(int(limits[0])):
-            if not solve_damped(hessian, gradient, damping, step):
+        translation = math.inf
+        rotation = math.inf
+        copy_vector(pose, trial)
+        # The first round evaluates where the level starts; each of the others tries a step.
+        for attempt in range(int(limits[0]) + 1):
+            new_cost = scan_cost(
+                model, trial, origins, directions, lengths, first, last, primary[level], secondary[level],
+                numbers[level], shape, low, resolution, information, want_gradient, new_gradient, new_scan_hessian,
+            )  # fmt: skip
+            copy_matrix(new_scan_hessian, new_hessian)
+            new_cost += add_prior(trial, mean, world, new_gradient, new_hessian)
+            gain = cost - new_cost
+            if gain > 0.0:
+                cost = new_cost
+                copy_vector(trial, pose)
+                copy_vector(new_gradient, gradient)
+                copy_matrix(new_hessian, hessian)
+                copy_matrix(new_scan_hessian, scan_hessian)
+            elif attempt == 0:  # infinite or not a number: there is nothing to descend from
+                cost = new_cost
+                break
+            if attempt > 0:
+                trials += 1
+                damping = max(0.1 * damping, 1e-7) if gain > 0.0 else 10.0 * damping
+                # Refused or not, a step this short has nowhere left to go.
+                if (translation < least and rotation < 0.5 * least) or 0.0 < gain < limits[3]:
+                    converged = True
+                    break
+            while damping < _MOST_DAMPING and not solve_damped(hessian, gradient, damping, step):
                 damping *= 10.0
-                continue
+            if not damping < _MOST_DAMPING:
+                break
             translation = math.hypot(step[0], step[1])
             rotation = abs(step[2])
             scale = min(1.0, limits[1] / max(translation, 1e-12), limits[2] / max(rotation, 1e-12))
             move(pose, step, scale, trial)
-            new_cost = information * scan_cost(
-                model, trial, origins, directions, lengths, first, last, primary[level], secondary[level],
-                numbers[level], shape, low, resolution, want_gradient, new_gradient, new_scan_hessian,
-            )  # fmt: skip
-            new_gradient *= information
-            new_scan_hessian *= information
-            new_hessian[:] = new_scan_hessian
-            new_cost += add_prior(trial, mean, world, new_gradient, new_hessian)
-            trials += 1
-            gain = cost - new_cost
-            if gain > 0.0:
-                pose[:] = trial
-                cost = new_cost
-                gradient[:] = new_gradient
-                hessian[:] = new_hessian
-                scan_hessian[:] = new_scan_hessian
-                damping = max(0.1 * damping, 1e-7)
-            else:
-                damping *= 10.0
-            # Refused or not, a step this short has nowhere left to go.
-            if (translation < least and rotation < 0.5 * least) or 0.0 < gain < limits[3]:
-                converged = True
-                break
     return cost, trials, converged
 
 

@@ -12,9 +12,10 @@ from pydantic import Field
 
 from factorloc.config import Block
 from factorloc.errors import MapError
+from factorloc.factors.distance_field import DistanceFieldTerm
+from factorloc.factors.grid_scan_term import DecayRateTerm, GridScanTerm
 from factorloc.factors.odometry import OdometryNoise
 from factorloc.factors.prior import PosePrior
-from factorloc.factors.scan_term import DecayRateTerm, DistanceFieldTerm, GridScanTerm
 from factorloc.localization.optimizer import OptimizerSettings
 from factorloc.localization.registration import RegistrationSettings
 from factorloc.localization.smoother import smooth

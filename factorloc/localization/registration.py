@@ -12,8 +12,8 @@ from pydantic import Field
 from factorloc._jit import in_threads
 from factorloc.config import Block
 from factorloc.errors import GeometryError
+from factorloc.factors.grid_scan_term import GridScanTerm
 from factorloc.factors.prior import PosePrior
-from factorloc.factors.scan_term import GridScanTerm
 from factorloc.geometry import se2
 from factorloc.localization._registration_kernels import register_batch
 

@@ -11,9 +11,10 @@ import numpy.typing as npt
 from gtsam.symbol_shorthand import X
 
 from factorloc.errors import GeometryError, OptimizationError
+from factorloc.factors.grid_scan_term import GridScanTerm
 from factorloc.factors.odometry import OdometryNoise, known_motions, odometry_factors
 from factorloc.factors.prior import PosePrior
-from factorloc.factors.scan_term import GridScanTerm, ScanTerm
+from factorloc.factors.scan_term import ScanTerm
 from factorloc.geometry import se2
 from factorloc.localization.candidates import choose_poses
 from factorloc.localization.optimizer import Optimized, OptimizerSettings, ScanFactors, optimize, pose_array

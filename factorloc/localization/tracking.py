@@ -12,9 +12,9 @@ from pydantic import Field
 
 from factorloc.config import Block
 from factorloc.errors import GeometryError
+from factorloc.factors.grid_scan_term import GridScanTerm
 from factorloc.factors.odometry import OdometryNoise, known_motions
 from factorloc.factors.prior import PosePrior
-from factorloc.factors.scan_term import GridScanTerm
 from factorloc.geometry import se2
 from factorloc.localization.registration import Registration, RegistrationSettings, register
 from factorloc.result import Result, StopReason

@@ -10,9 +10,10 @@ import numpy.typing as npt
 
 from factorloc.errors import MapError
 from factorloc.mapping._forward_kernels import decay_log_likelihoods, posterior_log_likelihoods
+from factorloc.mapping.accumulation import rays_in_map
 from factorloc.mapping.grid import Grid
 from factorloc.mapping.prior import GammaPrior, PriorRule, estimate_prior
-from factorloc.mapping.ray_statistics import RayStatistics, rays_in_map
+from factorloc.mapping.ray_statistics import RayStatistics
 from factorloc.scan import Scan
 
 __all__ = ["DecayRateMap", "DecayRatePosterior", "rimmed"]

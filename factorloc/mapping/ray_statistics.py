@@ -13,85 +13,18 @@ import numpy.typing as npt
 from factorloc import _jit
 from factorloc.errors import MapError
 from factorloc.geometry import se2
-from factorloc.mapping._traversal_kernels import FIXED_POINT, accumulate, add_private
+from factorloc.mapping._traversal_kernels import FIXED_POINT
+from factorloc.mapping.accumulation import BYTES_A_THREAD, accumulate_rays, rays_in_map
 from factorloc.mapping.grid import Grid, require_memory
 from factorloc.scan import Rays, RayStatus, Scan, pack
 
-__all__ = ["RayStatistics", "rays_in_map"]
+__all__ = ["RayStatistics"]
 
 Array = npt.NDArray[np.float64]
 
 _BLOCK_RAYS = 2_000_000
 _PARALLEL_RAYS = 2_000  # fewer are walked faster than threads are woken
 _MOST_VISITS = np.iinfo(np.uint32).max
-
-
-def rays_in_map(rays: Rays, poses: npt.ArrayLike) -> tuple[Array, Array]:
-    """Origins and directions of planar rays in the frame of the map, one pose ``T_map_body`` a scan.
-
-    Parameters
-    ----------
-    rays : Rays
-        Rays in body frames.
-    poses : array_like, shape (S, 3)
-        One pose a scan.
-
-    Returns
-    -------
-    origins, directions : ndarray, shape (M, 2)
-        Contiguous.
-
-    Raises
-    ------
-    MapError
-        If the rays are not planar, or there is not one planar pose a scan.
-    """
-    if rays.dimension != 2:
-        raise MapError("scans: spatial; this grid of ray statistics is planar")
-    array = se2.as_poses(poses)
-    if array.shape != (len(rays), 3):
-        raise MapError(f"poses: shape {array.shape}; expected one planar pose for each of the {len(rays)} scans")
-    each = np.repeat(array, np.diff(rays.offsets), axis=0)
-    return se2.transform(each, rays.origins), se2.rotate(each[:, 2], rays.directions)
-
-
-def accumulate_rays(
-    origins: Array,
-    directions: Array,
-    lengths: Array,
-    is_return: npt.NDArray[np.bool_],
-    low: Array,
-    resolution: float,
-    shape: tuple[int, int],
-    blocks: int,
-    hits: npt.NDArray[np.uint32],
-    misses: npt.NDArray[np.uint32],
-    path: npt.NDArray[np.int64],
-) -> None:
-    """Walk rays through a planar grid in ``blocks`` threads and add what they leave to three arrays.
-
-    Every block owns a private array (16 bytes a cell), whose integers add up to the same sums in any order: the number
-    of threads leaves no trace. Arguments as :func:`factorloc.mapping._traversal_kernels.accumulate`.
-    """
-    rim = (shape[0] + 2) * (shape[1] + 2)
-    private = np.zeros((blocks, rim, 2), np.int64)
-    rays = len(lengths)
-
-    def walk(first: int, last: int) -> None:
-        for b in range(first, last):
-            part = rays * b // blocks, rays * (b + 1) // blocks
-            accumulate(
-                origins, directions, lengths, is_return, *part, low, resolution, shape, private[b]
-            )
-
-    def add(first: int, last: int) -> None:
-        add_private(private, shape, first, last, hits, misses, path)
-
-    _jit.in_threads(walk, blocks)
-    if blocks > 1:
-        _jit.in_threads(add, shape[0])
-    else:
-        add(0, shape[0])
 
 
 @dataclass(frozen=True)
@@ -136,7 +69,7 @@ class RayStatistics:
         Raises
         ------
         MapError
-            If they would not fit into memory (16 bytes a cell; as many again, and 20 a thread, while rays are added).
+            If they would not fit into memory (16 bytes a cell; as many again, and 16 a thread, while rays are added).
         """
         _require_memory(grid, 16)
         return cls(
@@ -229,7 +162,7 @@ class RayStatistics:
         threads = _jit.threads() if len(returns) > _PARALLEL_RAYS else 1
         if int(self.visits.max(initial=0)) + len(returns) > _MOST_VISITS:
             raise MapError(f"a cell may see more than {_MOST_VISITS} rays, where its counts end; split the map")
-        _require_memory(self.grid, 16 + 20 * threads)
+        _require_memory(self.grid, 16 + BYTES_A_THREAD * threads)
         hits, misses, path = self.hits.copy(), self.misses.copy(), self.path_fixed.copy()
         low = np.array(self.grid.origin)
         shape = (self.grid.shape[0], self.grid.shape[1])

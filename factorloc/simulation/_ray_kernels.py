@@ -53,12 +53,14 @@ def sort_into_cells(segments, corner, cell, shape):
     # Wider than the cell by more than rounding can move a crossing, so that none falls between two cells.
     half = (0.5 + 1e-7) * cell
     starts = np.zeros(columns * rows + 1, np.int64)
+    place = np.empty(columns * rows, np.int64)  # where the next member of each cell goes
     members = np.empty(0, np.int64)
     for filling in (False, True):
         if filling:
-            starts = np.cumsum(starts)
-            members = np.empty(starts[-1], np.int64)
-            place = starts[:-1].copy()
+            for c in range(columns * rows):
+                starts[c + 1] += starts[c]
+                place[c] = starts[c]
+            members = np.empty(starts[columns * rows], np.int64)
         for s in range(len(segments)):
             ax, ay, bx, by = segments[s]
             low_x = max(0, int((min(ax, bx) - corner[0]) / cell) - 1)

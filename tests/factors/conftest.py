@@ -8,7 +8,7 @@ import shapely
 from loose_rays import BLURS, LooseRays, draw_rays
 
 from factorloc.factors import DecayRateTerm, DistanceFieldTerm
-from factorloc.factors.scan_term import GridScanTerm
+from factorloc.factors.grid_scan_term import GridScanTerm
 from factorloc.mapping import BlurPyramid, RayStatistics
 from factorloc.scan import Scan
 from factorloc.simulation import FloorPlan, Foliage, PlanarLidar

@@ -7,7 +7,7 @@ import numpy as np
 from naive import Ray, lengths_by_cell
 
 from factorloc.factors import DecayRateTerm
-from factorloc.factors.scan_term import GridScanTerm
+from factorloc.factors.grid_scan_term import GridScanTerm
 from factorloc.geometry import se2
 from factorloc.mapping import Grid
 from factorloc.scan import Rays, RayStatus

@@ -6,7 +6,7 @@ from loose_rays import BLURS, MODELS, LooseRays, naive_cost, weight
 
 from factorloc.factors import DecayRateTerm
 from factorloc.factors._scan_kernels import DISTANCE_FIELD
-from factorloc.factors.scan_term import GridScanTerm
+from factorloc.factors.grid_scan_term import GridScanTerm
 from factorloc.geometry import se2
 from factorloc.mapping import BlurPyramid, Grid
 from factorloc.mapping.pyramid import PyramidLevel

@@ -71,7 +71,7 @@ def test_neither_threads_nor_their_number_change_anything(make_term, scans, pose
     rays = term.rays
     scan_batch(
         term.model, many, index, rays.origins, rays.directions, rays.ranges, rays.offsets, term.primary[-1],
-        term.secondary[-1], term.numbers[-1], *term.layout, True, serial.cost, serial.gradient, serial.hessian,
+        term.secondary[-1], term.numbers[-1], *term.layout, 1.0, True, serial.cost, serial.gradient, serial.hessian,
     )  # fmt: skip
     assert_close(parallel, ScanCosts(*(0.2 * getattr(serial, name) for name in ARRAYS)), 1e-12)
     assert_close(parallel, ScanCosts(*(np.concatenate([part] * 40) for part in _parts(term.batch(poses)))), 1e-12)
