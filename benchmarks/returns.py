@@ -12,7 +12,7 @@ from factorloc.datasets import read_carmen
 from factorloc.errors import DataError
 from factorloc.mapping import BlurPyramid, RayStatistics
 from factorloc.mapping.accumulation import rays_in_map
-from factorloc.scan import pack
+from factorloc.rays import pack
 from factorloc.simulation import PlanarLidar, office_plan, office_routes
 
 __all__ = ["OFFICE", "Returns", "load_returns"]

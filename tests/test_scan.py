@@ -10,7 +10,8 @@ from strategies import LIMITS, scans
 
 from factorloc.errors import GeometryError
 from factorloc.geometry import se2, se3
-from factorloc.scan import RayStatus, Scan, pack
+from factorloc.rays import pack
+from factorloc.scan import RayStatus, Scan
 
 few = settings(max_examples=25)
 
@@ -163,7 +164,7 @@ def test_packing_keeps_order_and_selection_keeps_every_scan_in_its_place(
 
 def test_scans_that_cannot_share_a_block_are_refused() -> None:
     spatial = Scan(np.eye(3), np.ones(3), np.zeros(3), LIMITS)
-    assert len(spatial.rays()) == 1
+    assert len(pack([spatial])) == 1
     with pytest.raises(GeometryError, match=r"^scans: none"):
         pack([])
     with pytest.raises(GeometryError, match=r"^scans: planar and spatial"):

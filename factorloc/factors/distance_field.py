@@ -15,7 +15,8 @@ from factorloc.factors.grid_scan_term import GridScanTerm
 from factorloc.mapping.decay_rate import rimmed
 from factorloc.mapping.pyramid import DEFAULT_BLURS
 from factorloc.mapping.ray_statistics import RayStatistics
-from factorloc.scan import Rays, Scan
+from factorloc.rays import Rays
+from factorloc.scan import Scan
 
 __all__ = ["DistanceFieldTerm"]
 

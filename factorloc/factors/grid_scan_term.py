@@ -13,7 +13,8 @@ from factorloc.factors._scan_kernels import DECAY_RATE, scan_batch
 from factorloc.factors.scan_term import ScanCosts
 from factorloc.mapping.grid import Grid
 from factorloc.mapping.pyramid import BlurPyramid
-from factorloc.scan import Rays, Scan, pack
+from factorloc.rays import Rays, pack
+from factorloc.scan import Scan
 
 __all__ = ["DecayRateTerm", "GridScanTerm"]
 

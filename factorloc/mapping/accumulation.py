@@ -11,7 +11,7 @@ from factorloc import _jit
 from factorloc.errors import MapError
 from factorloc.geometry import se2
 from factorloc.mapping._traversal_kernels import accumulate, add_private
-from factorloc.scan import Rays
+from factorloc.rays import Rays
 
 __all__ = ["BYTES_A_THREAD", "accumulate_rays", "rays_in_map"]
 

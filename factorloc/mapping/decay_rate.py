@@ -14,6 +14,7 @@ from factorloc.mapping.accumulation import rays_in_map
 from factorloc.mapping.grid import Grid
 from factorloc.mapping.prior import GammaPrior, PriorRule, estimate_prior
 from factorloc.mapping.ray_statistics import RayStatistics
+from factorloc.rays import pack
 from factorloc.scan import Scan
 
 __all__ = ["DecayRateMap", "DecayRatePosterior", "rimmed"]
@@ -29,7 +30,7 @@ def rimmed(values: npt.ArrayLike, rim: float) -> Array:
 def _world_rays(scan: Scan, T_map_body: npt.ArrayLike, grid: Grid) -> tuple[Array, Array]:
     if scan.dimension != grid.dimension:
         raise MapError(f"scan: it has {scan.dimension} dimensions, the map {grid.dimension}; use a map made for it")
-    return rays_in_map(scan.rays(), np.asarray(T_map_body, np.float64)[None])
+    return rays_in_map(pack([scan]), np.asarray(T_map_body, np.float64)[None])
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,8 @@ from factorloc.geometry import se2
 from factorloc.mapping._traversal_kernels import FIXED_POINT
 from factorloc.mapping.accumulation import BYTES_A_THREAD, accumulate_rays, rays_in_map
 from factorloc.mapping.grid import Grid, require_memory
-from factorloc.scan import Rays, RayStatus, Scan, pack
+from factorloc.rays import Rays, pack
+from factorloc.scan import RayStatus, Scan
 
 __all__ = ["RayStatistics"]
 

@@ -10,7 +10,8 @@ from factorloc.factors import DecayRateTerm
 from factorloc.factors.grid_scan_term import GridScanTerm
 from factorloc.geometry import se2
 from factorloc.mapping import Grid
-from factorloc.scan import Rays, RayStatus
+from factorloc.rays import Rays
+from factorloc.scan import RayStatus
 
 BLURS = (0.5, 0.1, 0.0)
 MODELS = ("decay-rate", "distance-field")

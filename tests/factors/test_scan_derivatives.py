@@ -10,7 +10,7 @@ from factorloc.factors.grid_scan_term import GridScanTerm
 from factorloc.geometry import se2
 from factorloc.mapping import BlurPyramid, Grid
 from factorloc.mapping.pyramid import PyramidLevel
-from factorloc.scan import Rays
+from factorloc.rays import Rays
 
 STEPS = (4e-7, 1e-7)
 

@@ -13,7 +13,8 @@ from factorloc.factors._scan_kernels import scan_batch
 from factorloc.factors.scan_term import ScanCosts
 from factorloc.geometry import se2
 from factorloc.mapping import BlurPyramid, Grid, RayStatistics
-from factorloc.scan import RayStatus, Scan, pack
+from factorloc.rays import pack
+from factorloc.scan import RayStatus, Scan
 
 models = pytest.mark.parametrize("model", MODELS)
 ARRAYS = ("cost", "gradient", "hessian")

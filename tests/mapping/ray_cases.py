@@ -8,7 +8,8 @@ from naive import Ray
 from strategies import floats
 
 from factorloc.mapping import Grid, RayStatistics
-from factorloc.scan import Rays, RayStatus, Scan
+from factorloc.rays import Rays
+from factorloc.scan import RayStatus, Scan
 
 SEEDS = st.integers(0, 2**32 - 1)
 STATUSES = st.sampled_from(list(RayStatus))

@@ -28,7 +28,8 @@ from factorloc import _jit
 from factorloc.errors import GeometryError, MapError
 from factorloc.mapping import Grid, RayStatistics
 from factorloc.mapping import ray_statistics as module
-from factorloc.scan import RayStatus, Scan, pack
+from factorloc.rays import pack
+from factorloc.scan import RayStatus, Scan
 
 UNIT = naive.UNIT
 
@@ -254,7 +255,7 @@ def test_what_does_not_fit_is_refused() -> None:
     with pytest.raises(MapError, match="spatial"):
         RayStatistics.from_scans([spatial], [[0, 0, 0]])
     with pytest.raises(MapError, match="spatial"):
-        RayStatistics.empty(Grid((0, 0), 1, (3, 3))).add(spatial.rays(), IDENTITY)
+        RayStatistics.empty(Grid((0, 0), 1, (3, 3))).add(pack([spatial]), IDENTITY)
     with pytest.raises(MapError, match="spatial"):
         RayStatistics.empty(Grid((0, 0, 0), 1, (3, 3, 3))).add(pack(SCANS[:1]), IDENTITY)
     for poses in (POSES[:2], POSES[0]):
