@@ -169,6 +169,69 @@ class Scan:
             T_body_sensor=np.zeros(0) if T_body_sensor is None else np.asarray(T_body_sensor, np.float64),
         )
 
+    @classmethod
+    def from_points(
+        cls,
+        points: npt.ArrayLike,
+        range_limits: tuple[float, float],
+        *,
+        stamp: float = 0.0,
+        stamps: npt.ArrayLike | None = None,
+        shape: tuple[int, int] | None = None,
+        frame: str = "sensor",
+        T_body_sensor: npt.ArrayLike | None = None,
+    ) -> Scan:
+        """Build a scan from points in the sensor frame: every point is a ray that starts at the sensor's origin.
+
+        A point nearer than the minimum range is a ray below the minimum, one at or beyond the maximum a ray without
+        return. A point cloud does not say where rays met nothing at all. Recorders write (0, 0, 0) or NaN for those;
+        neither has a direction, so the reader counts them and leaves them out.
+
+        Parameters
+        ----------
+        points : array_like, shape (N, D)
+            Measured points, m; D is 2 or 3.
+        range_limits : (float, float)
+            Minimum and maximum range, m.
+        stamp : float
+            Time of the sweep, s.
+        stamps : array_like, shape (N,), optional
+            Time of each point, s.
+        shape : (int, int), optional
+            Rows and columns of an organized cloud.
+        frame : str
+            Name of the sensor frame.
+        T_body_sensor : array_like, shape (3,) or (4, 4), optional
+            Pose of the sensor on the body.
+
+        Raises
+        ------
+        GeometryError
+            If a point is not finite or at the origin, or shapes disagree.
+        """
+        ends = np.asarray(points, np.float64)
+        if ends.ndim != 2 or ends.shape[1] not in (2, 3):
+            raise GeometryError(f"points: shape {ends.shape}; expected (points, 2) or (points, 3)")
+        if not np.isfinite(ends).all():
+            raise GeometryError("points: NaN or infinity; leave those points out, they are no rays")
+        r = np.linalg.norm(ends, axis=1)
+        if (r == 0).any():
+            raise GeometryError(f"points: {(r == 0).sum()} at the sensor's origin, of no direction; leave them out")
+        status = np.full(r.shape, RayStatus.RETURN, np.uint8)
+        status[r < range_limits[0]] = RayStatus.BELOW_MINIMUM
+        status[r >= range_limits[1]] = RayStatus.NO_RETURN
+        return cls(
+            directions=ends / r[:, None],
+            ranges=r,
+            status=status,
+            range_limits=range_limits,
+            stamp=stamp,
+            stamps=None if stamps is None else np.asarray(stamps, np.float64),
+            shape=shape,
+            frame=frame,
+            T_body_sensor=np.zeros(0) if T_body_sensor is None else np.asarray(T_body_sensor, np.float64),
+        )
+
     def __len__(self) -> int:
         return len(self.ranges)
 

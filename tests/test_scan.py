@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from strategies import LIMITS, scans
+from strategies import LIMITS, floats, scans, units
 
 from factorloc.errors import GeometryError
 from factorloc.geometry import se2, se3
@@ -95,6 +95,54 @@ def test_what_cannot_be_is_refused_by_name(changes: dict[str, Any], field: str) 
 def test_polar_ranges_are_checked(ranges: list[float]) -> None:
     with pytest.raises(GeometryError, match=r"^ranges: "):
         Scan.from_polar([0.0, 1.0], ranges, (0.5, 30.0))
+
+
+def test_points_become_rays_from_the_sensor() -> None:
+    ends = np.array([[3, 0, 4], [0, 0.3, 0.4], [0, -30, 0], [0, 0, 29.9]])
+    mount = se3.exp([0.1, 0.2, 0.3, 1, 2, 3])
+    scan = Scan.from_points(
+        ends, LIMITS, stamp=2.5, stamps=[0, 1, 2, 3], shape=(2, 2), frame="top", T_body_sensor=mount
+    )
+    r, high = RayStatus.RETURN, RayStatus.NO_RETURN
+    np.testing.assert_array_equal(scan.status, [r, r, high, r])
+    np.testing.assert_allclose(scan.ranges, [5, 0.5, 30, 29.9])
+    np.testing.assert_allclose(scan.directions, [[0.6, 0, 0.8], [0, 0.6, 0.8], [0, -1, 0], [0, 0, 1]])
+    assert not scan.origins.any()
+    np.testing.assert_allclose(scan.points(), ends[[0, 1, 3]])
+    assert (scan.stamp, scan.shape, scan.frame, scan.dimension) == (2.5, (2, 2), "top", 3)
+    np.testing.assert_array_equal(scan.stamps, [0, 1, 2, 3])
+    np.testing.assert_array_equal(scan.T_body_sensor, mount)
+
+
+@few
+@given(st.integers(2, 3).flatmap(lambda size: st.lists(units(size), min_size=1, max_size=5)), st.data())
+def test_points_of_any_dimension_keep_their_place(directions: list[np.ndarray], data: st.DataObject) -> None:
+    ranges = np.array([data.draw(floats(0.01, 60.0).filter(lambda r: r > 0)) for _ in directions])
+    scan = Scan.from_points(np.array(directions) * ranges[:, None], LIMITS)
+    np.testing.assert_allclose(scan.directions, directions, atol=1e-12)
+    near, far = ranges < LIMITS[0] - 1e-9, ranges > LIMITS[1] + 1e-9
+    assert (scan.status[near] == RayStatus.BELOW_MINIMUM).all()
+    assert (scan.status[far] == RayStatus.NO_RETURN).all()
+    np.testing.assert_allclose(scan.ranges, ranges.clip(*LIMITS))
+
+
+@pytest.mark.parametrize(
+    ("points", "reason"),
+    [
+        ([[1, 2, 3], [0, 0, 0]], "1 at the sensor's origin"),
+        ([[1, 2, 3], [np.nan, 0, 0]], "NaN"),
+        ([[1, 2], [np.inf, 0]], "infinity"),
+        ([[1, 2, 3, 4]], "shape"),
+        ([1, 2, 3], "shape"),
+    ],
+)
+def test_points_that_are_no_rays_are_refused(points: list, reason: str) -> None:
+    with pytest.raises(GeometryError, match=rf"^points: .*{reason}"):
+        Scan.from_points(points, LIMITS)
+
+
+def test_a_cloud_may_be_empty() -> None:
+    assert len(Scan.from_points(np.zeros((0, 3)), LIMITS)) == 0
 
 
 def test_an_unlimited_sensor_may_report_returns_only() -> None:

@@ -1,11 +1,13 @@
 """Recordings: readers that turn files into drives, and the registry of known files.
 
 A :class:`Drive` holds scans, the odometry between them and, where there is one, the truth; the two never mix. Every
-reader counts the lines it used, passed over and found damaged (:class:`ReadReport`).
+reader counts what it used, passed over and found damaged (:class:`ReadReport`).
 """
 
 from factorloc.datasets.carmen import CarmenReader, read_carmen
 from factorloc.datasets.drive import Drive
+from factorloc.datasets.kitti_odometry import KittiOdometryReader, read_kitti_odometry
+from factorloc.datasets.kitti_raw import KittiRawReader, read_kitti_raw
 from factorloc.datasets.pairing import match_scans, pair_raw_with_corrected
 from factorloc.datasets.reader import READERS, Reader, open_drive
 from factorloc.datasets.registry import KNOWN_FILES, KnownFile, data_folder, known_max_range, log_name
@@ -18,6 +20,8 @@ __all__ = [
     "CarmenReader",
     "Damage",
     "Drive",
+    "KittiOdometryReader",
+    "KittiRawReader",
     "KnownFile",
     "ReadReport",
     "Reader",
@@ -29,5 +33,7 @@ __all__ = [
     "open_drive",
     "pair_raw_with_corrected",
     "read_carmen",
+    "read_kitti_odometry",
+    "read_kitti_raw",
     "read_relations",
 ]

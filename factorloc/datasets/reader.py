@@ -7,6 +7,8 @@ from typing import Any, Protocol
 
 from factorloc.datasets.carmen import CarmenReader
 from factorloc.datasets.drive import Drive
+from factorloc.datasets.kitti_odometry import KittiOdometryReader
+from factorloc.datasets.kitti_raw import KittiRawReader
 from factorloc.errors import DataError
 
 __all__ = ["READERS", "Reader", "open_drive"]
@@ -17,10 +19,10 @@ class Reader(Protocol):
 
     @property
     def name(self) -> str:
-        """The format and its file endings, as named in messages."""
+        """The format and its file endings or folders, as named in messages."""
 
     def matches(self, path: Path) -> bool:
-        """Tell from a path, without opening it, whether this reader is meant."""
+        """Tell from a path, without opening a file, whether this reader is meant."""
 
     def read(self, path: Path, **options: Any) -> Drive:
         """Read the recording.
@@ -32,7 +34,7 @@ class Reader(Protocol):
         """
 
 
-READERS: tuple[Reader, ...] = (CarmenReader(),)
+READERS: tuple[Reader, ...] = (CarmenReader(), KittiRawReader(), KittiOdometryReader())
 """Every format known, in the order they are asked."""
 
 
@@ -42,7 +44,7 @@ def open_drive(path: Path | str, reader: Reader | None = None, **options: Any) -
     Parameters
     ----------
     path : Path or str
-        The recording.
+        The recording, a file or a folder.
     reader : Reader, optional
         The format, if the path does not tell.
     **options

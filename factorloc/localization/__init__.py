@@ -1,5 +1,11 @@
 """Where the rooms meet: registration, tracking, smoothing, and the localizer that runs them in order."""
 
+from factorloc.localization.lidar_odometry import (
+    LidarOdometry,
+    LidarOdometrySettings,
+    lidar_odometry,
+    with_lidar_odometry,
+)
 from factorloc.localization.localizer import Localization, LocalizationSettings, localize
 from factorloc.localization.optimizer import OptimizerSettings, ScanFactors, optimize
 from factorloc.localization.registration import Registration, RegistrationSettings, register
@@ -7,6 +13,8 @@ from factorloc.localization.smoother import smooth
 from factorloc.localization.tracking import TrackingSettings, find_start, track
 
 __all__ = [
+    "LidarOdometry",
+    "LidarOdometrySettings",
     "Localization",
     "LocalizationSettings",
     "OptimizerSettings",
@@ -15,9 +23,11 @@ __all__ = [
     "ScanFactors",
     "TrackingSettings",
     "find_start",
+    "lidar_odometry",
     "localize",
     "optimize",
     "register",
     "smooth",
     "track",
+    "with_lidar_odometry",
 ]
