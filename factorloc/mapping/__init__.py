@@ -4,6 +4,7 @@ Nothing here knows of gtsam. Maps are made from scans at known poses, merged, wr
 their statistics into the likelihood of a scan.
 """
 
+from factorloc.mapping.brick_statistics import BrickStatistics
 from factorloc.mapping.decay_rate import DecayRateMap, DecayRatePosterior
 from factorloc.mapping.grid import Grid
 from factorloc.mapping.prior import GammaPrior, estimate_prior
@@ -14,6 +15,7 @@ from factorloc.mapping.storage import MapInfo, read_map, read_map_info, write_ma
 __all__ = [
     "DEFAULT_BLURS",
     "BlurPyramid",
+    "BrickStatistics",
     "DecayRateMap",
     "DecayRatePosterior",
     "GammaPrior",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import operator
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,14 +12,15 @@ import numpy.typing as npt
 
 from factorloc import _jit
 from factorloc.errors import MapError
-from factorloc.geometry import se2
+from factorloc.geometry import se2, se3
 from factorloc.mapping._traversal_kernels import FIXED_POINT
 from factorloc.mapping.accumulation import BYTES_A_THREAD, accumulate_rays, rays_in_map
 from factorloc.mapping.grid import Grid, require_memory
+from factorloc.mapping.spatial_accumulation import accumulate_dense, spatial_rays_in_map
 from factorloc.rays import Rays, pack
 from factorloc.scan import RayStatus, Scan
 
-__all__ = ["RayStatistics"]
+__all__ = ["RayStatistics", "add_counts", "grid_of_scans", "scan_blocks"]
 
 Array = npt.NDArray[np.float64]
 
@@ -93,8 +94,8 @@ class RayStatistics:
         Parameters
         ----------
         scans : sequence of Scan
-            Planar scans.
-        poses : array_like, shape (S, 3)
+            All planar, or all spatial.
+        poses : array_like, shape (S, 3) or (S, 4, 4)
             Pose ``T_map_body`` of each scan.
         resolution : float
             Edge length of a cell, m; used when no grid is given.
@@ -110,23 +111,12 @@ class RayStatistics:
         MapError
             If the poses do not fit the scans, the grid does not fit into memory, or its frame is another dimension.
         """
-        rays = pack(scans)
-        poses = se2.as_poses(poses)
-        if poses.shape != (len(rays), 3):
-            raise MapError(f"poses: shape {poses.shape}; expected one planar pose for each of the {len(rays)} scans")
-        if grid is None:
-            grid = _grid_of(rays, poses, resolution, frame)
+        rays, poses, grid = grid_of_scans(scans, poses, resolution, grid, frame)
         statistics = cls.empty(grid)
-        total = 0
-        while total < len(rays):
-            # As many scans at a time as keep the moved rays small.
-            stop = int(np.searchsorted(rays.offsets, rays.offsets[total] + _BLOCK_RAYS, side="right")) - 1
-            stop = min(max(stop, total + 1), len(rays))
-            block = _slice(rays, total, stop)
-            statistics = statistics.add(block, poses[total:stop])
-            total = stop
+        for first, last, block in scan_blocks(rays):
+            statistics = statistics.add(block, poses[first:last])
             if progress:
-                progress(total)
+                progress(last)
         return statistics
 
     @property
@@ -145,8 +135,8 @@ class RayStatistics:
         Parameters
         ----------
         rays : Rays
-            Planar rays in body frames.
-        poses : array_like, shape (S, 3)
+            Rays in body frames.
+        poses : array_like, shape (S, 3) or (S, 4, 4)
             Pose ``T_map_body`` of each scan.
 
         Raises
@@ -154,22 +144,27 @@ class RayStatistics:
         MapError
             If poses, rays and grid do not fit, a cell would see more than 2^32 - 1 rays, or memory is short.
         """
-        if self.grid.dimension != 2:
-            raise MapError("grid: spatial; rays are added to planar ones")
         used = rays.status != RayStatus.BELOW_MINIMUM
         walked = rays.select(used)
-        origins, directions = rays_in_map(walked, poses)
+        planar = self.grid.dimension == 2
+        origins, directions = rays_in_map(walked, poses) if planar else spatial_rays_in_map(walked, poses)
         returns = np.asarray(walked.status == RayStatus.RETURN)
         threads = _jit.threads() if len(returns) > _PARALLEL_RAYS else 1
         if int(self.visits.max(initial=0)) + len(returns) > _MOST_VISITS:
             raise MapError(f"a cell may see more than {_MOST_VISITS} rays, where its counts end; split the map")
-        _require_memory(self.grid, 16 + BYTES_A_THREAD * threads)
+        # Threads own private grids in the plane, and slabs of one grid in space.
+        _require_memory(self.grid, 16 + BYTES_A_THREAD * (threads if planar else 1))
         hits, misses, path = self.hits.copy(), self.misses.copy(), self.path_fixed.copy()
-        low = np.array(self.grid.origin)
-        shape = (self.grid.shape[0], self.grid.shape[1])
-        accumulate_rays(
-            origins, directions, walked.ranges, returns, low, self.grid.resolution, shape, threads, hits, misses, path
-        )
+        if planar:
+            accumulate_rays(
+                origins, directions, walked.ranges, returns, np.array(self.grid.origin), self.grid.resolution,
+                (self.grid.shape[0], self.grid.shape[1]), threads, hits, misses, path,
+            )  # fmt: skip
+        else:
+            path_visits = accumulate_dense(origins, directions, walked.ranges, returns, self.grid, threads)
+            path += path_visits[..., 0]
+            hits += (path_visits[..., 1] >> 32).astype(np.uint32)
+            misses += (path_visits[..., 1] & _MOST_VISITS).astype(np.uint32)
         left_out = {
             "below minimum range": int((~used).sum()),
             "ended outside the grid": int(returns.sum()) - (int(hits.sum()) - int(self.hits.sum())),
@@ -180,7 +175,7 @@ class RayStatistics:
             misses,
             path,
             self.scans + len(rays),
-            _added(self.left_out, left_out),
+            add_counts(self.left_out, left_out),
         )
 
     def __add__(self, other: RayStatistics) -> RayStatistics:
@@ -205,7 +200,7 @@ class RayStatistics:
             _checked(misses),
             path,
             self.scans + other.scans,
-            _added(self.left_out, other.left_out),
+            add_counts(self.left_out, other.left_out),
         )
 
     @staticmethod
@@ -226,13 +221,42 @@ def _require_memory(grid: Grid, bytes_a_cell: int) -> None:
     require_memory(grid.cells * bytes_a_cell, f"a grid of {' x '.join(map(str, grid.shape))} cells")
 
 
-def _grid_of(rays: Rays, poses: Array, resolution: float, frame: str) -> Grid:
+def grid_of_scans(
+    scans: Sequence[Scan], poses: npt.ArrayLike, resolution: float, grid: Grid | None, frame: str
+) -> tuple[Rays, Array, Grid]:
+    """Pack scans, check their poses and lay a grid around them if none is given.
+
+    Raises
+    ------
+    MapError
+        If the poses do not fit the scans, or not one ray has a return to lay a grid around.
+    """
+    rays = pack(scans)
+    planar = rays.dimension == 2
+    array = se2.as_poses(poses) if planar else se3.as_poses(poses)
+    expected = (len(rays), 3) if planar else (len(rays), 4, 4)
+    if array.shape != expected:
+        kind = "planar" if planar else "spatial"
+        raise MapError(f"poses: shape {array.shape}; expected one {kind} pose for each of the {len(rays)} scans")
+    if grid is not None:
+        return rays, array, grid
     returns = rays.returns()
     if len(returns.ranges) == 0:
         raise MapError("scans: not one ray has a return; a map needs some")
-    origins, directions = rays_in_map(returns, poses)
+    origins, directions = rays_in_map(returns, array) if planar else spatial_rays_in_map(returns, array)
     ends = origins + directions * returns.ranges[:, None]
-    return Grid.around(np.concatenate([ends, origins, poses[:, :2]]), resolution, frame=frame)
+    bodies = array[:, :2] if planar else array[:, :3, 3]
+    return rays, array, Grid.around(np.concatenate([ends, origins, bodies]), resolution, frame=frame)
+
+
+def scan_blocks(rays: Rays) -> Iterator[tuple[int, int, Rays]]:
+    """Cut rays into blocks of whole scans, as many as keep the moved rays small: first scan, last, and their rays."""
+    first = 0
+    while first < len(rays):
+        last = int(np.searchsorted(rays.offsets, rays.offsets[first] + _BLOCK_RAYS, side="right")) - 1
+        last = min(max(last, first + 1), len(rays))
+        yield first, last, _slice(rays, first, last)
+        first = last
 
 
 def _slice(rays: Rays, first: int, last: int) -> Rays:
@@ -247,5 +271,6 @@ def _checked(counts: npt.NDArray[np.int64]) -> npt.NDArray[np.uint32]:
     return counts.astype(np.uint32)
 
 
-def _added(first: dict[str, int], second: dict[str, int]) -> dict[str, int]:
+def add_counts(first: dict[str, int], second: dict[str, int]) -> dict[str, int]:
+    """Add up two accounts of things left out."""
     return {key: first.get(key, 0) + second.get(key, 0) for key in {**first, **second}}

@@ -252,11 +252,11 @@ def test_every_thread_needs_memory_of_its_own(monkeypatch: pytest.MonkeyPatch) -
 
 def test_what_does_not_fit_is_refused() -> None:
     spatial = Scan(np.eye(3), np.ones(3), np.zeros(3, np.uint8), (0.1, 5))
-    with pytest.raises(MapError, match="spatial"):
+    with pytest.raises(GeometryError, match="spatial"):
         RayStatistics.from_scans([spatial], [[0, 0, 0]])
     with pytest.raises(MapError, match="spatial"):
         RayStatistics.empty(Grid((0, 0), 1, (3, 3))).add(pack([spatial]), IDENTITY)
-    with pytest.raises(MapError, match="spatial"):
+    with pytest.raises(MapError, match="planar"):
         RayStatistics.empty(Grid((0, 0, 0), 1, (3, 3, 3))).add(pack(SCANS[:1]), IDENTITY)
     for poses in (POSES[:2], POSES[0]):
         with pytest.raises(MapError, match="expected one planar pose for each of the 1 scans"):

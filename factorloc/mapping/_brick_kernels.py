@@ -1,0 +1,72 @@
+"""Kernels on cells sorted by key: gathered from pools of bricks, and merged."""
+
+from factorloc._jit import exact_kernel
+
+_HIT = 2**32
+
+
+@exact_kernel
+def count_visited(pool, counts):
+    """Count the cells of each brick that some ray left anything in.
+
+    Parameters
+    ----------
+    pool : (B + 1, cells, 2) int64
+        Path length and visits; the first brick is spare.
+    counts : (B,) int64
+        Written.
+    """
+    for b in range(counts.shape[0]):
+        count = 0
+        for cell in range(pool.shape[1]):
+            if pool[b + 1, cell, 0] != 0 or pool[b + 1, cell, 1] != 0:
+                count += 1
+        counts[b] = count
+
+
+@exact_kernel
+def gather_visited(pool, offsets, locals_out, hits_out, misses_out, path_out):
+    """Write the visited cells of each brick one after the other, from ``offsets`` (B + 1,) on."""
+    for b in range(offsets.shape[0] - 1):
+        to = offsets[b]
+        for cell in range(pool.shape[1]):
+            path = pool[b + 1, cell, 0]
+            visits = pool[b + 1, cell, 1]
+            if path != 0 or visits != 0:
+                locals_out[to] = cell
+                hits_out[to] = visits // _HIT
+                misses_out[to] = visits % _HIT
+                path_out[to] = path
+                to += 1
+
+
+@exact_kernel
+def merge_sorted(keys_a, keys_b, from_a, from_b):
+    """Merge two increasing lists of keys; equal ones become one.
+
+    Parameters
+    ----------
+    keys_a, keys_b : (N,), (M,) int64
+        Strictly increasing.
+    from_a, from_b : (N,), (M,) int64
+        Written: place of each key in the merged list.
+
+    Returns
+    -------
+    int
+        Length of the merged list.
+    """
+    a = 0
+    b = 0
+    place = 0
+    while a < keys_a.shape[0] or b < keys_b.shape[0]:
+        take_a = b == keys_b.shape[0] or (a < keys_a.shape[0] and keys_a[a] <= keys_b[b])
+        take_b = a == keys_a.shape[0] or (b < keys_b.shape[0] and keys_b[b] <= keys_a[a])
+        if take_a:
+            from_a[a] = place
+            a += 1
+        if take_b:
+            from_b[b] = place
+            b += 1
+        place += 1
+    return place

@@ -1,0 +1,143 @@
+"""Accumulation in space: rays walked through dense grids and bricks by threads that own slabs of cells."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from factorloc import _jit
+from factorloc.errors import MapError
+from factorloc.geometry import se3
+from factorloc.mapping._spatial_traversal_kernels import BRICK, accumulate_spatial
+from factorloc.mapping.bricks import CELLS, BrickLayout
+from factorloc.mapping.grid import Grid
+from factorloc.rays import Rays
+
+__all__ = ["accumulate_bricks", "accumulate_dense", "spatial_rays_in_map", "touched_bricks"]
+
+Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.int64]
+
+_SLABS_A_THREAD = 3  # so that a thread with an easy slab takes another
+_SAMPLES = 4096  # rays that tell where the work lies
+
+
+def spatial_rays_in_map(rays: Rays, poses: npt.ArrayLike) -> tuple[Array, Array]:
+    """Origins and directions of spatial rays in the frame of the map, one pose ``T_map_body`` a scan.
+
+    Parameters
+    ----------
+    rays : Rays
+        Rays in body frames.
+    poses : array_like, shape (S, 4, 4)
+        One pose a scan.
+
+    Returns
+    -------
+    origins, directions : ndarray, shape (M, 3)
+        Contiguous.
+
+    Raises
+    ------
+    MapError
+        If the rays are planar, or there is not one spatial pose a scan.
+    """
+    if rays.dimension != 3:
+        raise MapError("scans: planar; this grid of ray statistics is spatial")
+    array = se3.as_poses(poses)
+    if array.shape != (len(rays), 4, 4):
+        raise MapError(f"poses: shape {array.shape}; expected one spatial pose for each of the {len(rays)} scans")
+    origins, directions = np.empty_like(rays.origins), np.empty_like(rays.directions)
+    for k, pose in enumerate(array):
+        part = slice(int(rays.offsets[k]), int(rays.offsets[k + 1]))
+        origins[part] = rays.origins[part] @ pose[:3, :3].T + pose[:3, 3]
+        directions[part] = rays.directions[part] @ pose[:3, :3].T
+    return origins, directions
+
+
+def accumulate_dense(
+    origins: Array, directions: Array, lengths: Array, is_return: npt.NDArray[np.bool_], grid: Grid, threads: int
+) -> Index:
+    """Walk rays through a dense spatial grid.
+
+    Arguments as :func:`factorloc.mapping._spatial_traversal_kernels.accumulate_spatial`.
+
+    Returns
+    -------
+    ndarray of int64, shape ``(*grid.shape, 2)``
+        Path length and visits of each cell (misses in the lower 32 bits, hits above).
+    """
+    rim = tuple(n + 2 for n in grid.shape)
+    path_visits = np.zeros((*rim, 2), np.int64)
+    _walk(origins, directions, lengths, is_return, grid, None, path_visits.reshape(-1, 2), threads)
+    return path_visits[1:-1, 1:-1, 1:-1]
+
+
+def touched_bricks(
+    origins: Array, directions: Array, lengths: Array, is_return: npt.NDArray[np.bool_], grid: Grid, threads: int
+) -> BrickLayout:
+    """Find the bricks that rays meet, by walking a grid whose cells are bricks.
+
+    Its planes are among those of the fine grid, and crossed in the same order: no ray meets another brick.
+    """
+    layout = BrickLayout(grid, np.zeros(0, np.int64))
+    coarse = Grid(grid.origin, grid.resolution * BRICK, layout.shape, grid.frame)
+    met = accumulate_dense(origins, directions, lengths, is_return, coarse, threads)
+    return BrickLayout(grid, np.flatnonzero(met.reshape(-1, 2).any(1)))
+
+
+def accumulate_bricks(
+    origins: Array,
+    directions: Array,
+    lengths: Array,
+    is_return: npt.NDArray[np.bool_],
+    layout: BrickLayout,
+    threads: int,
+) -> Index:
+    """Walk rays through bricks.
+
+    Returns
+    -------
+    ndarray of int64, shape ``(bricks + 1, 4096, 2)``
+        Path length and visits of each cell; the first brick is spare.
+    """
+    pool = np.zeros((len(layout.bricks) + 1, CELLS, 2), np.int64)
+    _walk(origins, directions, lengths, is_return, layout.grid, layout.directory, pool.reshape(-1, 2), threads)
+    return pool
+
+
+def _walk(
+    origins: Array,
+    directions: Array,
+    lengths: Array,
+    is_return: npt.NDArray[np.bool_],
+    grid: Grid,
+    directory: npt.NDArray[np.int32] | None,
+    path_visits: Index,
+    threads: int,
+) -> None:
+    low = np.array(grid.origin)
+    edges = _slabs(origins, directions, lengths, grid, _SLABS_A_THREAD * threads if threads > 1 else 1)
+
+    def walk(first: int, last: int) -> None:
+        for slab in range(first, last):
+            accumulate_spatial(
+                origins, directions, lengths, is_return, edges[slab], edges[slab + 1], low, grid.resolution,
+                grid.shape, directory, path_visits,
+            )  # fmt: skip
+
+    _jit.in_threads(walk, len(edges) - 1)
+
+
+def _slabs(origins: Array, directions: Array, lengths: Array, grid: Grid, count: int) -> list[int]:
+    """Cells along x at which slabs of about equal work begin, with the end."""
+    n_x = grid.shape[0]
+    if count == 1 or len(lengths) == 0:
+        return [0, n_x]
+    some = slice(None, None, max(1, len(lengths) // _SAMPLES))
+    along = np.linspace(0.05, 0.95, 10) * lengths[some, None]
+    x = (origins[some, :1] + directions[some, :1] * along - grid.origin[0]) / grid.resolution
+    weights = np.broadcast_to(lengths[some, None], x.shape)
+    work = np.bincount(np.clip(x, 0, n_x - 1).astype(np.int64).ravel(), weights.ravel(), n_x).cumsum()
+    inner = np.searchsorted(work, work[-1] * np.arange(1, count) / count) + 1
+    return [int(x) for x in np.unique(np.clip([0, *inner, n_x], 0, n_x))]
