@@ -46,6 +46,8 @@ def _first_problem(error: ValidationError) -> str:
     cause = first.get("ctx", {}).get("error")
     if isinstance(cause, ConfigError):  # a block within: its own line, below the path that leads to it
         text = f"{where}.{str(cause).partition(': ')[2]}"
+    elif first["type"] == "value_error":  # a validator's own line
+        text = f"{where}: {cause}"
     elif first["type"] == "extra_forbidden":
         text = f"{where}: no such setting; remove it or correct its name"
     else:

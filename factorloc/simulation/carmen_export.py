@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -89,7 +90,7 @@ def _ranges(scan: Scan) -> Array:
     return ranges
 
 
-def _checked(scans: tuple[Scan, ...]) -> Scan:
+def _checked(scans: Sequence[Scan]) -> Scan:
     """Return the first scan after making sure that all are alike and fit into FLASER messages."""
     if not scans:
         raise SimulationError("drive: holds no scans to write")

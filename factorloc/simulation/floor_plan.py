@@ -124,7 +124,13 @@ class FloorPlan:
         """Segments of the panes, shape (S, 2, 2): both ends, in m."""
         return _edges(pane.line for pane in self.panes).reshape(-1, 2, 2)
 
-    def cast(self, origins: npt.ArrayLike, directions: npt.ArrayLike, rng: np.random.Generator) -> Hits:
+    def cast(
+        self,
+        origins: npt.ArrayLike,
+        directions: npt.ArrayLike,
+        rng: np.random.Generator | None,
+        times: npt.ArrayLike | None = None,
+    ) -> Hits:
         """Sample where rays are reflected.
 
         Parameters
@@ -134,8 +140,10 @@ class FloorPlan:
             cheaper than its copies.
         directions : array_like, shape (..., 2)
             Unit vectors in the world.
-        rng : numpy.random.Generator
-            One unit exponential number is drawn a ray.
+        rng : numpy.random.Generator or None
+            One unit exponential number is drawn a ray; without it, rays pass all glass and foliage.
+        times : array_like, optional
+            Not used: a plan stands still.
 
         Returns
         -------

@@ -78,7 +78,24 @@ class OdometryNoise:
             If the poses are not planar and finite.
         """
         truth = se2.as_poses(poses)
-        motion = se2.between(truth[:-1], truth[1:])
+        turns_and_lines, deviations = self.decompose(se2.between(truth[:-1], truth[1:]))
+        first, line, second = turns_and_lines + deviations * rng.standard_normal(deviations.shape)
+        return np.stack([line * np.cos(first), line * np.sin(first), wrap(first + second)], -1)
+
+    def decompose(self, motions: npt.ArrayLike) -> tuple[Array, Array]:
+        """Split motions into turn, line and turn, with the deviation at which each is measured.
+
+        Parameters
+        ----------
+        motions : array_like, shape (N, 3)
+            ``[dx, dy, dtheta]`` in the body frame at the start, m and rad.
+
+        Returns
+        -------
+        turns_and_lines, deviations : ndarray, shape (3, N)
+            First turn (rad), line (m) and second turn (rad) of each motion, and their standard deviations.
+        """
+        motion = np.asarray(motions, np.float64)
         line = np.hypot(motion[:, 0], motion[:, 1])
         first = np.where(line < _STANDSTILL, 0.0, np.arctan2(motion[:, 1], motion[:, 0]))
         second = wrap(motion[:, 2] - first)
@@ -91,8 +108,7 @@ class OdometryNoise:
                 self.alpha1 * turn2**2 + self.alpha2 * line**2,
             ]
         )
-        first, line, second = np.stack([first, line, second]) + deviations * rng.standard_normal(deviations.shape)
-        return np.stack([line * np.cos(first), line * np.sin(first), wrap(first + second)], -1)
+        return np.stack([first, line, second]), deviations
 
 
 def integrate_odometry(start: npt.ArrayLike, increments: npt.ArrayLike) -> Array:

@@ -25,6 +25,26 @@ class Surface(enum.IntEnum):
     """A pane, which reflects with some probability."""
     FOLIAGE = 3
     """A semi-transparent region, in which free paths are exponentially distributed."""
+    GROUND = 4
+    """Road, pavement, lawn: what a vehicle stands on."""
+    FACADE = 5
+    """Outside of a building."""
+    POLE = 6
+    """Lamp post, traffic sign, traffic light."""
+    TRUNK = 7
+    """Stem of a tree."""
+    HEDGE = 8
+    """Clipped greenery, as good as opaque."""
+    VEHICLE = 9
+    """Car, bus or lorry, parked or driving."""
+    PEDESTRIAN = 10
+    """Somebody on foot."""
+    BARREL = 11
+    """Waste bin, bollard, hydrant: a low cylinder."""
+    FENCE = 12
+    """Fence, railing or barrier."""
+    FURNITURE = 13
+    """Bench, letter box, cabinet, bus shelter: anything else that stands in a street."""
 
 
 @dataclass(frozen=True)
@@ -54,8 +74,18 @@ class World(Protocol):
         """2 or 3."""
         ...
 
-    def cast(self, origins: npt.ArrayLike, directions: npt.ArrayLike, rng: np.random.Generator) -> Hits:
-        """Send rays from origins (..., D) along unit directions (..., D), which broadcast."""
+    def cast(
+        self,
+        origins: npt.ArrayLike,
+        directions: npt.ArrayLike,
+        rng: np.random.Generator | None,
+        times: npt.ArrayLike | None = None,
+    ) -> Hits:
+        """Send rays from origins (..., D) along unit directions (..., D) at times (...), s, which broadcast.
+
+        Without a generator, rays pass whatever is not opaque. What moves is where it is at the time of the ray, 0 by
+        default; a world at rest takes no notice of times.
+        """
         ...
 
     def clearance(self, points: npt.ArrayLike) -> Array:

@@ -1,0 +1,305 @@
+"""Scan-to-map costs of spatial scans with gradient and Gauss-Newton Hessian, for poses in SE(3).
+
+All levels of a map lie in one pool of bricks, found through one directory. A level is a row of numbers, whose columns
+are named below; its bricks have a primary and a secondary number for every cell:
+
+====================  ===========  ============
+model                 primary      secondary
+====================  ===========  ============
+``DECAY_RATE``        rates, 1/m   log rates
+``DISTANCE_FIELD``    distance, m  distance, m
+====================  ===========  ============
+
+Poses are 4 x 4 matrices, derivatives in the tangent space of the body, rotation first.
+"""
+
+import math
+
+import numpy as np
+
+from factorloc._jit import kernel
+from factorloc.factors._scan_kernels import _LEAST_MARGIN, DECAY_RATE
+from factorloc.mapping._spatial_forward_kernels import integrate_spatial, walk_layers
+from factorloc.mapping._spatial_traversal_kernels import clip_axis
+
+# Columns of a level. The bricks of its directory begin at START and have strides STRIDE_X, STRIDE_Y and 1.
+MODEL, START, STRIDE_X, STRIDE_Y, SIZE_X, SIZE_Y, SIZE_Z, RESOLUTION, OUTSIDE, PARAMETER_A, PARAMETER_B = range(11)
+COLUMNS = 11
+
+
+@kernel
+def number_of(directory, values, stride_x, stride_y, x, y, z):
+    """Number of a cell; coordinates count from the corner of the rim of bricks."""
+    place = np.uint64((x >> 4) * stride_x + (y >> 4) * stride_y + (z >> 4))
+    cell = ((x & 15) << 8) + ((y & 15) << 4) + (z & 15)
+    return np.float64(values[np.uint64((np.int64(directory[place]) << 12) + cell)])
+
+
+@kernel
+def trilinear(directory, values, stride_x, stride_y, q_x, q_y, q_z):
+    """Interpolate between cell centres: value and its derivatives by the cell coordinates.
+
+    ``q`` counts cells from the centre of the first cell of the rim; the caller keeps it inside.
+    """
+    x = int(q_x)
+    y = int(q_y)
+    z = int(q_z)
+    u = q_x - x
+    v = q_y - y
+    w = q_z - z
+    f_000 = number_of(directory, values, stride_x, stride_y, x, y, z)
+    f_001 = number_of(directory, values, stride_x, stride_y, x, y, z + 1)
+    f_010 = number_of(directory, values, stride_x, stride_y, x, y + 1, z)
+    f_011 = number_of(directory, values, stride_x, stride_y, x, y + 1, z + 1)
+    f_100 = number_of(directory, values, stride_x, stride_y, x + 1, y, z)
+    f_101 = number_of(directory, values, stride_x, stride_y, x + 1, y, z + 1)
+    f_110 = number_of(directory, values, stride_x, stride_y, x + 1, y + 1, z)
+    f_111 = number_of(directory, values, stride_x, stride_y, x + 1, y + 1, z + 1)
+    f_00 = f_000 + w * (f_001 - f_000)
+    f_01 = f_010 + w * (f_011 - f_010)
+    f_10 = f_100 + w * (f_101 - f_100)
+    f_11 = f_110 + w * (f_111 - f_110)
+    f_0 = f_00 + v * (f_01 - f_00)
+    f_1 = f_10 + v * (f_11 - f_10)
+    by_y = (1.0 - u) * (f_01 - f_00) + u * (f_11 - f_10)
+    by_z = (1.0 - u) * ((1.0 - v) * (f_001 - f_000) + v * (f_011 - f_010)) + u * (
+        (1.0 - v) * (f_101 - f_100) + v * (f_111 - f_110)
+    )
+    return f_0 + u * (f_1 - f_0), f_1 - f_0, by_y, by_z
+
+
+@kernel
+def decay_ray(directory, primary, secondary, level, p_x, p_y, p_z, d_x, d_y, d_z, length, want_gradient):
+    """Hybrid negative log-likelihood of one ray: exact integral minus interpolated log rate at the end.
+
+    ``p`` is in cells of the grid, ``d`` a unit vector.
+
+    Returns
+    -------
+    value : float
+    g_x, g_y, g_z : float
+        Derivative by the ray origin, 1/m.
+    m_x, m_y, m_z : float
+        Derivative by the ray direction.
+    weight : float
+        Of the outer product of the ray's gradient.
+    """
+    resolution = level[RESOLUTION]
+    inverse = 1.0 / resolution
+    outside = level[OUTSIDE]
+    stride_x = int(level[STRIDE_X])
+    stride_y = int(level[STRIDE_Y])
+    strides = (stride_x, stride_y, 1)
+    n_x = level[SIZE_X]
+    n_y = level[SIZE_Y]
+    n_z = level[SIZE_Z]
+    v_x = d_x * inverse
+    v_y = d_y * inverse
+    v_z = d_z * inverse
+    e_x = p_x + v_x * length
+    e_y = p_y + v_y * length
+    e_z = p_z + v_z * length
+    t_in = 0.0
+    t_out = length
+    inside = 0.0 <= p_x < n_x and 0.0 <= p_y < n_y and 0.0 <= p_z < n_z
+    if not (inside and 0.0 <= e_x < n_x and 0.0 <= e_y < n_y and 0.0 <= e_z < n_z):
+        # Clip in the rim, whose rate is the one outside: every jump at the border is then walked across.
+        t_in, t_out = clip_axis(p_x + 0.5, v_x, n_x + 1.0, t_in, t_out)
+        t_in, t_out = clip_axis(p_y + 0.5, v_y, n_y + 1.0, t_in, t_out)
+        t_in, t_out = clip_axis(p_z + 0.5, v_z, n_z + 1.0, t_in, t_out)
+    g_x = 0.0
+    g_y = 0.0
+    g_z = 0.0
+    m_x = 0.0
+    m_y = 0.0
+    m_z = 0.0
+    if t_in < t_out:
+        if want_gradient:
+            value, jump_x, jump_y, jump_z, moment_x, moment_y, moment_z = walk_layers(
+                directory, primary, strides, p_x + 16.0, p_y + 16.0, p_z + 16.0, v_x, v_y, v_z, t_in, t_out
+            )
+            if d_x != 0.0:
+                g_x = jump_x / d_x
+                m_x = moment_x / d_x
+            if d_y != 0.0:
+                g_y = jump_y / d_y
+                m_y = moment_y / d_y
+            if d_z != 0.0:
+                g_z = jump_z / d_z
+                m_z = moment_z / d_z
+        else:
+            value = integrate_spatial(
+                directory, primary, strides, p_x + 16.0, p_y + 16.0, p_z + 16.0, v_x, v_y, v_z, t_in, t_out
+            )
+        value += outside * (length - (t_out - t_in))
+    else:
+        value = outside * length
+    if -0.5 <= e_x < n_x + 0.5 and -0.5 <= e_y < n_y + 0.5 and -0.5 <= e_z < n_z + 0.5:
+        log_rate, f_x, f_y, f_z = trilinear(
+            directory, secondary, stride_x, stride_y, e_x + 15.5, e_y + 15.5, e_z + 15.5
+        )
+        value -= log_rate
+        f_x *= inverse
+        f_y *= inverse
+        f_z *= inverse
+        g_x -= f_x
+        g_y -= f_y
+        g_z -= f_z
+        m_x -= length * f_x
+        m_y -= length * f_y
+        m_z -= length * f_z
+    else:
+        value -= math.log(outside)
+    return value, g_x, g_y, g_z, m_x, m_y, m_z, 0.5 / max(value - level[PARAMETER_A], _LEAST_MARGIN)
+
+
+@kernel
+def field_ray(directory, primary, level, p_x, p_y, p_z, d_x, d_y, d_z, length):
+    """Huber cost of one end point's distance; arguments and returns as :func:`decay_ray`."""
+    inverse = 1.0 / level[RESOLUTION]
+    sigma = level[PARAMETER_A]
+    huber = level[PARAMETER_B]
+    e_x = p_x + d_x * inverse * length
+    e_y = p_y + d_y * inverse * length
+    e_z = p_z + d_z * inverse * length
+    distance = level[OUTSIDE]
+    f_x = 0.0
+    f_y = 0.0
+    f_z = 0.0
+    if (
+        -0.5 <= e_x < level[SIZE_X] + 0.5
+        and -0.5 <= e_y < level[SIZE_Y] + 0.5
+        and -0.5 <= e_z < level[SIZE_Z] + 0.5
+    ):
+        distance, f_x, f_y, f_z = trilinear(
+            directory, primary, int(level[STRIDE_X]), int(level[STRIDE_Y]), e_x + 15.5, e_y + 15.5, e_z + 15.5
+        )
+    residual = distance / sigma
+    if residual < huber:
+        value = 0.5 * residual * residual
+        slope = residual
+    else:
+        value = huber * (residual - 0.5 * huber)
+        slope = huber
+    # Gauss-Newton on the residual: H = w f f' with w = slope / residual, in terms of g = slope f.
+    scale = slope * inverse / sigma
+    weight = 1.0 / (slope * residual) if residual > 1e-9 else 0.0
+    g_x = scale * f_x
+    g_y = scale * f_y
+    g_z = scale * f_z
+    return value, g_x, g_y, g_z, length * g_x, length * g_y, length * g_z, weight
+
+
+@kernel
+def spatial_scan_cost(
+    pose, origins, directions, lengths, first, last, low, directory, primary, secondary, level, information,
+    want_gradient, gradient, hessian,
+):  # fmt: skip
+    """Sum a level's costs over the rays ``first:last`` of one scan; see :func:`spatial_scan_batch`."""
+    r_00 = pose[0, 0]
+    r_01 = pose[0, 1]
+    r_02 = pose[0, 2]
+    r_10 = pose[1, 0]
+    r_11 = pose[1, 1]
+    r_12 = pose[1, 2]
+    r_20 = pose[2, 0]
+    r_21 = pose[2, 1]
+    r_22 = pose[2, 2]
+    t_x = pose[0, 3] - low[0]
+    t_y = pose[1, 3] - low[1]
+    t_z = pose[2, 3] - low[2]
+    inverse = 1.0 / level[RESOLUTION]
+    places = directory[int(level[START]) :]
+    model = int(level[MODEL])
+    cost = 0.0
+    row = np.empty(6)
+    for i in range(6):
+        gradient[i] = 0.0
+        for j in range(6):
+            hessian[i, j] = 0.0
+    for k in range(first, last):
+        a_x = origins[k, 0]
+        a_y = origins[k, 1]
+        a_z = origins[k, 2]
+        b_x = directions[k, 0]
+        b_y = directions[k, 1]
+        b_z = directions[k, 2]
+        p_x = (r_00 * a_x + r_01 * a_y + r_02 * a_z + t_x) * inverse
+        p_y = (r_10 * a_x + r_11 * a_y + r_12 * a_z + t_y) * inverse
+        p_z = (r_20 * a_x + r_21 * a_y + r_22 * a_z + t_z) * inverse
+        d_x = r_00 * b_x + r_01 * b_y + r_02 * b_z
+        d_y = r_10 * b_x + r_11 * b_y + r_12 * b_z
+        d_z = r_20 * b_x + r_21 * b_y + r_22 * b_z
+        if model == DECAY_RATE:
+            value, g_x, g_y, g_z, m_x, m_y, m_z, weight = decay_ray(
+                places, primary, secondary, level, p_x, p_y, p_z, d_x, d_y, d_z, lengths[k], want_gradient
+            )
+        else:
+            value, g_x, g_y, g_z, m_x, m_y, m_z, weight = field_ray(
+                places, primary, level, p_x, p_y, p_z, d_x, d_y, d_z, lengths[k]
+            )
+        cost += value
+        if want_gradient:
+            # In the frame of the body: origin and direction move by omega x a + v and omega x b.
+            u_x = r_00 * g_x + r_10 * g_y + r_20 * g_z
+            u_y = r_01 * g_x + r_11 * g_y + r_21 * g_z
+            u_z = r_02 * g_x + r_12 * g_y + r_22 * g_z
+            w_x = r_00 * m_x + r_10 * m_y + r_20 * m_z
+            w_y = r_01 * m_x + r_11 * m_y + r_21 * m_z
+            w_z = r_02 * m_x + r_12 * m_y + r_22 * m_z
+            row[0] = a_y * u_z - a_z * u_y + b_y * w_z - b_z * w_y
+            row[1] = a_z * u_x - a_x * u_z + b_z * w_x - b_x * w_z
+            row[2] = a_x * u_y - a_y * u_x + b_x * w_y - b_y * w_x
+            row[3] = u_x
+            row[4] = u_y
+            row[5] = u_z
+            for i in range(6):
+                gradient[i] += row[i]
+                scaled = weight * row[i]
+                for j in range(i, 6):
+                    hessian[i, j] += scaled * row[j]
+    for i in range(6):
+        gradient[i] *= information
+        for j in range(i, 6):
+            hessian[i, j] *= information
+            hessian[j, i] = hessian[i, j]
+    return information * cost
+
+
+@kernel
+def spatial_scan_batch(
+    poses, scan_of_pose, origins, directions, lengths, offsets, low, directory, primary, secondary, level,
+    information, want_gradient, costs, gradients, hessians,
+):  # fmt: skip
+    """Cost, gradient and Hessian of many scans at many poses.
+
+    Parameters
+    ----------
+    poses : (N, 4, 4) float64
+        ``T_map_body``.
+    scan_of_pose : (N,) int64
+        The scan each pose is tried for.
+    origins, directions : (M, 3) float64
+        Rays in body frames.
+    lengths : (M,) float64
+    offsets : (S + 1,) int64
+    low : (3,) float64
+        Lowest corner of all levels, m.
+    directory : int32, flat
+        Bricks of every place, of all levels one after the other.
+    primary, secondary : float32, flat
+        The pool.
+    level : (11,) float64
+        Numbers of the level.
+    information : float
+        Factor of all costs.
+    want_gradient : bool
+    costs : (N,), gradients : (N, 6), hessians : (N, 6, 6)
+        Written; derivatives in the tangent space of the body.
+    """
+    for n in range(poses.shape[0]):
+        k = scan_of_pose[n]
+        costs[n] = spatial_scan_cost(
+            poses[n], origins, directions, lengths, offsets[k], offsets[k + 1], low, directory, primary, secondary,
+            level, information, want_gradient, gradients[n], hessians[n],
+        )  # fmt: skip

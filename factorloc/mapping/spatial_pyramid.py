@@ -1,0 +1,164 @@
+"""Blur pyramid of a spatial decay-rate map."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.ndimage import gaussian_filter
+
+from factorloc.errors import MapError
+from factorloc.mapping.brick_statistics import BrickStatistics
+from factorloc.mapping.cell_table import CellTable
+from factorloc.mapping.grid import Grid, require_memory
+from factorloc.mapping.ray_statistics import RayStatistics
+
+__all__ = ["SPATIAL_BLURS", "SpatialLevel", "SpatialPyramid", "pooled"]
+
+Array = npt.NDArray[np.float64]
+
+SPATIAL_BLURS = (1.0, 0.5, 0.25, 0.0)
+"""Standard deviations of the blur, m, coarse to fine."""
+
+_TRUNCATE = 3.0  # standard deviations
+
+
+@dataclass(frozen=True)
+class SpatialLevel:
+    """Decay rates blurred by one Gaussian.
+
+    Parameters
+    ----------
+    blur : float
+        Standard deviation of the Gaussian, m.
+    rates, log_rates : CellTable
+        1/m; cells of the level may be larger than those of the map.
+    least_nll : float
+        A bound no ray's negative log-likelihood comes close to from above: ``-log(max rate) - 1/2``.
+    """
+
+    blur: float
+    rates: CellTable
+    log_rates: CellTable
+    least_nll: float
+
+
+@dataclass(frozen=True)
+class SpatialPyramid:
+    """Decay rates of a spatial map at several blurs, coarse to fine.
+
+    As :class:`~factorloc.mapping.pyramid.BlurPyramid`, the *counts* are blurred. A blur of several cells needs no cells
+    that small: a level has cells of the largest power of two times the map's that is no longer than its blur, which
+    makes walks shorter and saves memory.
+
+    Parameters
+    ----------
+    grid : Grid
+        Cells of the map.
+    levels : tuple of SpatialLevel
+        Coarse to fine.
+    """
+
+    grid: Grid
+    levels: tuple[SpatialLevel, ...]
+
+    @classmethod
+    def from_statistics(
+        cls, statistics: BrickStatistics | RayStatistics, blurs: Sequence[float] = SPATIAL_BLURS
+    ) -> SpatialPyramid:
+        """Blur the counts of a map.
+
+        Raises
+        ------
+        MapError
+            If the map is planar or holds no hit, or the blurs do not decrease.
+        """
+        if statistics.grid.dimension != 3:
+            raise MapError("map: planar; use BlurPyramid")
+        if isinstance(statistics, RayStatistics):
+            statistics = BrickStatistics.from_dense(statistics)
+        decreasing = all(a > b for a, b in itertools.pairwise(blurs))
+        if not (len(blurs) > 0 and decreasing and np.isfinite(blurs[0]) and blurs[-1] >= 0):
+            raise MapError(f"blurs: {tuple(blurs)} m; expected decreasing lengths, 0 at the end for the map itself")
+        hits, path = statistics.hits.sum(), statistics.path_lengths.sum()
+        if hits == 0 or path == 0:
+            raise MapError("map: it holds no hit, or no path; nothing to localize in")
+        mean = float(hits / path)
+        levels = []
+        for blur in blurs:
+            rates = _blurred_rates(statistics, float(blur), mean)
+            least = -np.log(rates.pool.max()) - 0.5
+            levels.append(SpatialLevel(float(blur), rates, rates.map(np.log), float(least)))
+        return cls(statistics.grid, tuple(levels))
+
+    @property
+    def blurs(self) -> tuple[float, ...]:
+        """Standard deviations of the levels, m."""
+        return tuple(level.blur for level in self.levels)
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of all levels."""
+        return sum(level.rates.nbytes + level.log_rates.pool.nbytes for level in self.levels)
+
+
+def pooled(statistics: BrickStatistics, factor: int) -> tuple[Grid, Array, Array]:
+    """Add up hits and path lengths (m) over ``factor`` cells along each axis.
+
+    Returns
+    -------
+    grid : Grid
+        The larger cells.
+    hits, path : ndarray, shape ``grid.shape``
+
+    Raises
+    ------
+    MapError
+        If they do not fit into memory.
+    """
+    fine = statistics.grid
+    grid = Grid(fine.origin, fine.resolution * factor, tuple(-(-n // factor) for n in fine.shape), fine.frame)
+    require_memory(grid.cells * 32, f"a level of {' x '.join(map(str, grid.shape))} cells")
+    cells = statistics.layout.cells(statistics.keys) // factor
+    flat = np.ravel_multi_index(tuple(cells.T), grid.shape)
+    H = np.bincount(flat, statistics.hits.astype(np.float64), grid.cells)
+    R = np.bincount(flat, statistics.path_lengths, grid.cells)
+    return grid, np.asarray(H, np.float64).reshape(grid.shape), np.asarray(R, np.float64).reshape(grid.shape)
+
+
+def _blurred_rates(statistics: BrickStatistics, blur: float, mean: float) -> CellTable:
+    resolution = statistics.grid.resolution
+    factor = 1
+    while 2 * factor * resolution <= blur:
+        factor *= 2
+    size = factor * resolution
+
+    def rates(H: Array, R: Array) -> Array:
+        # Cells nobody crossed are held at the mean by a pseudo path of one cell.
+        return np.asarray((H + mean * size) / (R + size), np.float64)
+
+    if blur == 0:
+        return CellTable.from_cells(
+            statistics, rates(statistics.hits.astype(np.float64), statistics.path_lengths), mean
+        )
+    # What the larger cells blur already (a box of variance size^2 / 12) is not blurred again.
+    sigma = np.sqrt(max(blur**2 - (size**2 - resolution**2) / 12, 0.0)) / size
+    if factor > 1:
+        grid, H, R = pooled(statistics, factor)
+        return CellTable.from_dense(grid, rates(_blur(H, sigma), _blur(R, sigma)), mean)
+    halo = int(_TRUNCATE * sigma + 0.5)
+    return CellTable.from_neighbourhoods(
+        statistics,
+        lambda part: rates(_blur(part.hits.astype(np.float64), sigma), _blur(part.path_lengths, sigma)),
+        halo,
+        mean,
+    )
+
+
+def _blur(values: Array, sigma: float) -> Array:
+    # Beyond the border nothing is known: neither hits nor path. Rounding may leave tiny negative sums.
+    single = np.asarray(values, np.float32)
+    return np.maximum(gaussian_filter(single, sigma, mode="constant", truncate=_TRUNCATE), 0.0)
