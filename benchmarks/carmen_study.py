@@ -10,10 +10,9 @@ import numpy.typing as npt
 
 from factorloc.datasets import Drive, read_carmen, read_relations
 from factorloc.evaluation import ErrorStatistics, absolute_errors, nees
-from factorloc.factors import DecayRateTerm
 from factorloc.geometry import se2
-from factorloc.localization import Localization, LocalizationSettings, localize, register
-from factorloc.mapping import BlurPyramid, RayStatistics
+from factorloc.localization import Localization, LocalizationSettings, PreparedMap, localize, register_many
+from factorloc.mapping import RayStatistics
 from factorloc.trajectory import Trajectory
 
 __all__ = ["Errors", "Log", "errors_of", "localize_from_around", "open_log", "relation_errors", "truth_floor"]
@@ -162,9 +161,8 @@ def truth_floor(log: Log, resolution: float, settings: LocalizationSettings) -> 
     truth = truth_of(log.localizing).poses
     offsets = []
     for part in (log.mapping.select(slice(0, None, 2)), log.mapping.select(slice(1, None, 2))):
-        pyramid = BlurPyramid.from_statistics(map_of(part, resolution), settings.blurs)
-        term = DecayRateTerm(pyramid, log.localizing.scans, settings.information)
-        found = register(term, truth, np.arange(len(truth)), levels=[-1])
+        term = PreparedMap.of(map_of(part, resolution), settings).term(log.localizing.scans)
+        found = register_many(term, truth, np.arange(len(truth)), levels=[-1])
         offsets.append(found.poses[:, :2] - truth[:, :2])
     first, second = offsets
     product = float(np.mean((first * second).sum(1)))

@@ -12,7 +12,7 @@ from factorloc.errors import GeometryError
 from factorloc.geometry import se2, se3
 from factorloc.scan import RayStatus, Scan
 
-__all__ = ["Rays", "pack"]
+__all__ = ["Rays", "pack", "spread"]
 
 Array = npt.NDArray[np.float64]
 
@@ -95,3 +95,35 @@ def pack(scans: Sequence[Scan]) -> Rays:
         np.concatenate([s.status for s in scans]),
         np.concatenate([[0], np.cumsum([len(s) for s in scans])]).astype(np.int64),
     )
+
+
+def spread(rays: Rays, count: int, voxel: float = 0.5, seed: int = 0) -> Rays:
+    """Choose rays with a return whose ends lie spread over the surroundings.
+
+    A spinning lidar draws dense rings on the ground nearby and few points on the walls that tell where it is. One ray
+    is drawn of each voxel that holds an end, and of those as many as wanted; scans with fewer voxels keep them all.
+
+    Parameters
+    ----------
+    rays : Rays
+        One or more scans.
+    count : int
+        Most rays of each scan.
+    voxel : float
+        Edge of a voxel in the body frame, m.
+    seed : int
+        Of the draw: the same rays, the same choice.
+    """
+    returns = rays.returns()
+    ends = returns.origins + returns.directions * returns.ranges[:, None]
+    voxels = np.floor(ends / voxel).astype(np.int64)
+    keep = np.zeros(len(ends), np.bool_)
+    rng = np.random.default_rng(seed)
+    for k in range(len(returns)):
+        first, last = int(returns.offsets[k]), int(returns.offsets[k + 1])
+        order = rng.permutation(last - first)
+        # One number a voxel; two far apart may share one by chance, which costs a ray.
+        keys = voxels[first:last][order] @ np.array([1, 2_097_169, 4_398_050_705_407])[: voxels.shape[1]]
+        _, found = np.unique(keys, return_index=True)
+        keep[first + order[np.sort(found)[:count]]] = True
+    return returns.select(keep)

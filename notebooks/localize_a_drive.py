@@ -23,7 +23,7 @@ import numpy as np
 import factorloc as fl
 from factorloc.evaluation import absolute_errors
 from factorloc.factors import DecayRateTerm
-from factorloc.localization import register
+from factorloc.localization import register_many
 from factorloc.mapping import BlurPyramid
 from factorloc.viewer import plot_error_coloured_path, plot_errors_over_time, plot_map_and_trajectories
 
@@ -57,7 +57,7 @@ for radius, turn in [(0.5, 5), (1.0, 10), (2.0, 20)]:
     offsets = np.column_stack(
         [radius * np.cos(angles), radius * np.sin(angles), np.radians(turn) * (-1) ** np.arange(16)]
     )
-    found = register(term, truth + offsets)
+    found = register_many(term, truth + offsets)
     home = np.hypot(*(found.poses - truth)[:, :2].T) < 0.1
     print(f"{radius} m, {turn} degrees: {home.mean():.0%} come home")
 

@@ -19,7 +19,7 @@ from factorloc.mapping._traversal_kernels import clip_ray
 DECAY_RATE = 0
 DISTANCE_FIELD = 1
 
-_LEAST_MARGIN = 0.05  # no ray gets more weight than at this distance from the least possible cost
+LEAST_MARGIN = 0.05  # no ray gets more weight than at this distance from the least possible cost
 
 
 @kernel
@@ -110,7 +110,7 @@ def decay_ray(primary, secondary, numbers, log_outside, shape, p_x, p_y, d_x, d_
         primary, secondary, shape, numbers[0], log_outside, p_x, p_y, d_x * inverse, d_y * inverse, length, inverse,
         want_gradient,
     )  # fmt: skip
-    return value, g_x, g_y, m_x, m_y, 0.5 / max(value - numbers[1], _LEAST_MARGIN)
+    return value, g_x, g_y, m_x, m_y, 0.5 / max(value - numbers[1], LEAST_MARGIN)
 
 
 @kernel

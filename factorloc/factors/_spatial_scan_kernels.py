@@ -18,7 +18,7 @@ import math
 import numpy as np
 
 from factorloc._jit import kernel
-from factorloc.factors._scan_kernels import _LEAST_MARGIN, DECAY_RATE
+from factorloc.factors._scan_kernels import DECAY_RATE, LEAST_MARGIN
 from factorloc.mapping._spatial_forward_kernels import integrate_spatial, walk_layers
 from factorloc.mapping._spatial_traversal_kernels import clip_axis
 
@@ -150,7 +150,7 @@ def decay_ray(directory, primary, secondary, level, p_x, p_y, p_z, d_x, d_y, d_z
         m_z -= length * f_z
     else:
         value -= math.log(outside)
-    return value, g_x, g_y, g_z, m_x, m_y, m_z, 0.5 / max(value - level[PARAMETER_A], _LEAST_MARGIN)
+    return value, g_x, g_y, g_z, m_x, m_y, m_z, 0.5 / max(value - level[PARAMETER_A], LEAST_MARGIN)
 
 
 @kernel

@@ -11,9 +11,10 @@ from pydantic import Field
 
 from factorloc.config import Block
 from factorloc.errors import GeometryError
-from factorloc.geometry import se2, wrap
+from factorloc.factors.native import between_factor
+from factorloc.geometry import group_of, se2, se3, wrap
 
-__all__ = ["OdometryNoise", "known_motions", "odometry_factors"]
+__all__ = ["OdometryNoise", "known_motions", "motion_covariances", "odometry_factors"]
 
 Array = npt.NDArray[np.float64]
 
@@ -60,14 +61,18 @@ class OdometryNoise(Block):
 
         Parameters
         ----------
-        motions : array_like, shape (N, 3)
+        motions : array_like, shape (N, 3) or (N, 4, 4)
             Motions ``T_before_after``.
 
         Returns
         -------
-        ndarray, shape (N, 3, 3)
-            Positive definite.
+        ndarray, shape (N, 3, 3) or (N, 6, 6)
+            Positive definite. A motion in space has the noise of its projection, and of what a vehicle on wheels hardly
+            does (heave, roll, pitch) as much as the least turn and length, and a tenth of what its way adds to turns
+            and length.
         """
+        if np.ndim(motions) == 3:
+            return self._spatial_covariances(se3.as_poses(motions, "motions"))
         motion = se2.as_poses(motions, "motions")
         length = np.hypot(motion[:, 0], motion[:, 1])
         # Shorter than its own uncertainty, a motion has no direction: all turning then counts as one turn.
@@ -96,6 +101,16 @@ class OdometryNoise(Block):
         covariance[:, :2, :2] += np.eye(2) * (0.5 * self.least_length) ** 2
         return np.asarray(covariance)
 
+    def _spatial_covariances(self, motions: Array) -> Array:
+        planar = self.covariances(se3.to_se2(motions))
+        length = np.linalg.norm(motions[:, :3, 3], axis=-1)
+        covariance = np.zeros((len(motions), 6, 6))
+        rows = np.array([3, 4, 2])  # where x, y and heading stand in [rotation, translation]
+        covariance[:, rows[:, None], rows] = planar
+        covariance[:, 0, 0] = covariance[:, 1, 1] = (self.least_turn + 0.1 * self.turn_per_metre * length) ** 2
+        covariance[:, 5, 5] = (self.least_length + 0.1 * self.length_per_metre * length) ** 2
+        return covariance
+
 
 def known_motions(known: npt.ArrayLike | None, count: int) -> npt.NDArray[np.bool_]:
     """Which of so many motions were measured, shape (count,); all if nothing is said.
@@ -112,32 +127,56 @@ def known_motions(known: npt.ArrayLike | None, count: int) -> npt.NDArray[np.boo
 
 
 def odometry_factors(
-    keys: Sequence[int], motions: npt.ArrayLike, noise: OdometryNoise, known: npt.ArrayLike | None = None
-) -> Iterator[gtsam.BetweenFactorPose2]:
+    keys: Sequence[int],
+    motions: npt.ArrayLike,
+    noise: OdometryNoise,
+    known: npt.ArrayLike | None = None,
+    covariances: npt.ArrayLike | None = None,
+) -> Iterator[gtsam.NonlinearFactor]:
     """Robust native factors between consecutive poses.
 
     Parameters
     ----------
     keys : sequence of int, length N + 1
         Poses in order.
-    motions : array_like, shape (N, 3)
+    motions : array_like, shape (N, 3) or (N, 4, 4)
         Motions ``T_k_k+1``.
     noise : OdometryNoise
         Its model.
     known : array_like of bool, shape (N,), optional
         Where a motion was measured at all; unmeasured ones make no factor.
+    covariances : array_like, shape (N, 3, 3) or (N, 6, 6), optional
+        What the source of the motions says of them, in the tangent space of the body after each; by default what the
+        noise model says.
 
     Raises
     ------
     GeometryError
-        If there is not one motion, and one flag, between each pair of neighbours.
+        If there is not one motion, one flag and one covariance between each pair of neighbours.
     """
-    motion = se2.as_poses(motions, "motions")
+    motion = group_of(3 if np.ndim(motions) == 3 else 2).as_poses(motions, "motions")
     if len(motion) != len(keys) - 1:
         raise GeometryError(f"motions: {len(motion)} between {len(keys)} poses; expected {len(keys) - 1}")
     use = known_motions(known, len(motion))
     loss = gtsam.noiseModel.mEstimator.Huber.Create(noise.huber)
-    for k, covariance in enumerate(noise.covariances(motion)):
+    for k, covariance in enumerate(motion_covariances(motion, noise, covariances)):
         if use[k]:
             model = gtsam.noiseModel.Robust.Create(loss, gtsam.noiseModel.Gaussian.Covariance(covariance))
-            yield gtsam.BetweenFactorPose2(keys[k], keys[k + 1], gtsam.Pose2(*motion[k]), model)
+            yield between_factor(keys[k], keys[k + 1], motion[k], model)
+
+
+def motion_covariances(motions: Array, noise: OdometryNoise, given: npt.ArrayLike | None = None) -> Array:
+    """Covariances of motions: those given, or those of the noise model.
+
+    Raises
+    ------
+    GeometryError
+        If those given are not one finite matrix a motion.
+    """
+    if given is None:
+        return noise.covariances(motions)
+    covariances = np.asarray(given, np.float64)
+    n = 3 if motions.ndim == 2 else 6
+    if covariances.shape != (len(motions), n, n) or not np.isfinite(covariances).all():
+        raise GeometryError(f"covariances: shape {covariances.shape}; expected a finite {n} x {n} matrix a motion")
+    return covariances

@@ -9,5 +9,6 @@ space.
 
 from factorloc.geometry import se2, se3
 from factorloc.geometry.angles import circular_mean, unwrap, wrap
+from factorloc.geometry.group import PoseGroup, group_of, position_heading
 
-__all__ = ["circular_mean", "se2", "se3", "unwrap", "wrap"]
+__all__ = ["PoseGroup", "circular_mean", "group_of", "position_heading", "se2", "se3", "unwrap", "wrap"]

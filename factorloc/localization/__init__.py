@@ -8,7 +8,8 @@ from factorloc.localization.lidar_odometry import (
 )
 from factorloc.localization.localizer import Localization, LocalizationSettings, localize
 from factorloc.localization.optimizer import OptimizerSettings, ScanFactors, optimize
-from factorloc.localization.registration import Registration, RegistrationSettings, register
+from factorloc.localization.prepared_map import MeasurementSettings, PreparedMap
+from factorloc.localization.registration import Registration, RegistrationSettings, register, register_many
 from factorloc.localization.smoother import smooth
 from factorloc.localization.tracking import TrackingSettings, find_start, track
 
@@ -17,7 +18,9 @@ __all__ = [
     "LidarOdometrySettings",
     "Localization",
     "LocalizationSettings",
+    "MeasurementSettings",
     "OptimizerSettings",
+    "PreparedMap",
     "Registration",
     "RegistrationSettings",
     "ScanFactors",
@@ -27,6 +30,7 @@ __all__ = [
     "localize",
     "optimize",
     "register",
+    "register_many",
     "smooth",
     "track",
     "with_lidar_odometry",

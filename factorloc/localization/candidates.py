@@ -12,10 +12,10 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from factorloc.factors.odometry import OdometryNoise
+from factorloc.factors.odometry import OdometryNoise, motion_covariances
 from factorloc.factors.prior import PosePrior
 from factorloc.factors.scan_term import ScanTerm
-from factorloc.geometry import se2
+from factorloc.geometry import group_of
 
 __all__ = ["best_sequence", "choose_poses"]
 
@@ -58,16 +58,17 @@ def choose_poses(
     noise: OdometryNoise,
     known: npt.NDArray[np.bool_],
     prior: PosePrior | None,
+    covariances: Array | None = None,
 ) -> Array:
     """Take for each scan one of its candidate poses, so that the cost of the whole graph is least.
 
     Parameters
     ----------
-    candidates : sequence of ndarray, each of shape (N, 3)
+    candidates : sequence of ndarray, each of shape (N, 3) or (N, 4, 4)
         Alternatives for all scans.
     term : ScanTerm
         Measurement model; its finest level counts.
-    motions : ndarray, shape (N - 1, 3)
+    motions : ndarray, shape (N - 1, 3) or (N - 1, 4, 4)
         Odometry.
     noise : OdometryNoise
         Its model.
@@ -75,20 +76,24 @@ def choose_poses(
         Which motions were measured.
     prior : PosePrior or None
         What is known of the first pose.
+    covariances : ndarray, optional
+        Of the motions; those of the noise model by default.
 
     Returns
     -------
-    ndarray, shape (N, 3)
+    ndarray, shape (N, 3) or (N, 4, 4)
         The chosen poses.
     """
+    group = group_of(2 if motions.ndim == 2 else 3)
     poses = np.stack(candidates, 1)
     unary = np.stack([term.cost(candidate, -1) for candidate in candidates], 1)
     if prior is not None:
-        offset = se2.log(se2.between(prior.pose, poses[0]))
+        offset = group.log(group.between(prior.pose, poses[0]))
         unary[0] += 0.5 * np.einsum("ci,ij,cj->c", offset, prior.information, offset)
-    steps = se2.between(poses[:-1, :, None], poses[1:, None, :])
-    errors = se2.log(se2.between(motions[:, None, None], steps))
-    information = np.linalg.inv(noise.covariances(motions))
+    steps = group.between(poses[:-1, :, None], poses[1:, None, :])
+    errors = group.log(group.between(motions[:, None, None], steps))
+    information = np.zeros((len(motions), errors.shape[-1], errors.shape[-1]))
+    information[known] = np.linalg.inv(motion_covariances(motions, noise, covariances)[known])
     whitened = np.sqrt(np.einsum("nabi,nij,nabj->nab", errors, information, errors))
     huber = np.where(whitened <= noise.huber, 0.5 * whitened**2, noise.huber * (whitened - 0.5 * noise.huber))
     chosen = best_sequence(unary, np.where(known[:, None, None], huber, 0.0))

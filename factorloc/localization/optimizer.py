@@ -18,6 +18,7 @@ from pydantic import Field
 from factorloc.config import Block
 from factorloc.errors import OptimizationError
 from factorloc.factors.adaptors import hessian_factors
+from factorloc.factors.native import pose_array
 from factorloc.factors.scan_term import ScanCosts, ScanTerm
 from factorloc.result import Iteration, StopReason
 
@@ -121,15 +122,6 @@ class _Damping:
         return self._graphs[step]
 
 
-def pose_array(values: gtsam.Values, keys: Sequence[int] | None = None) -> Array:
-    """Planar poses of all values in order of their keys, or of some of them; shape (N, 3)."""
-    poses = np.asarray(gtsam.utilities.extractPose2(values))
-    if keys is None or len(keys) == len(poses):
-        return np.ascontiguousarray(poses)
-    rows = np.searchsorted(np.asarray(values.keys(), dtype=np.uint64), np.asarray(keys, dtype=np.uint64))
-    return np.ascontiguousarray(poses[rows])
-
-
 def optimize(
     graph: gtsam.NonlinearFactorGraph,
     initial: gtsam.Values,
@@ -149,7 +141,7 @@ def optimize(
     graph : gtsam.NonlinearFactorGraph
         Native factors.
     initial : gtsam.Values
-        Start, all of Pose2 or all of Pose3; with scans, Pose2.
+        Start, all of Pose2 or all of Pose3.
     scans : ScanFactors, optional
         Scan terms.
     levels : sequence of int

@@ -12,13 +12,15 @@ from gtsam.symbol_shorthand import X
 
 from factorloc.errors import GeometryError, OptimizationError
 from factorloc.factors.grid_scan_term import GridScanTerm
-from factorloc.factors.odometry import OdometryNoise, known_motions, odometry_factors
+from factorloc.factors.native import pose_array, pose_values
+from factorloc.factors.odometry import OdometryNoise, known_motions, motion_covariances, odometry_factors
 from factorloc.factors.prior import PosePrior
 from factorloc.factors.scan_term import ScanTerm
-from factorloc.geometry import se2
+from factorloc.factors.spatial_scan_term import SpatialScanTerm
+from factorloc.geometry import group_of
 from factorloc.localization.candidates import choose_poses
-from factorloc.localization.optimizer import Optimized, OptimizerSettings, ScanFactors, optimize, pose_array
-from factorloc.localization.registration import register
+from factorloc.localization.optimizer import Optimized, OptimizerSettings, ScanFactors, optimize
+from factorloc.localization.registration import register_many
 from factorloc.result import Iteration, Result
 from factorloc.trajectory import Trajectory
 
@@ -34,6 +36,7 @@ def smooth(
     *,
     prior: PosePrior | None = None,
     known: npt.ArrayLike | None = None,
+    covariances: npt.ArrayLike | None = None,
     stamps: npt.ArrayLike | None = None,
     frame: str = "map",
     noise: OdometryNoise | None = None,
@@ -53,14 +56,16 @@ def smooth(
     ----------
     term : ScanTerm
         Measurement model of all N scans.
-    odometry : array_like, shape (N - 1, 3)
+    odometry : array_like, shape (N - 1, 3) or (N - 1, 4, 4)
         Motions of the body between scans.
-    initial : array_like, shape (N, 3)
+    initial : array_like, shape (N, 3) or (N, 4, 4)
         Start, for instance from tracking.
     prior : PosePrior, optional
         What is known of the first pose.
     known : array_like of bool, shape (N - 1,), optional
         Which motions were measured.
+    covariances : array_like, shape (N - 1, 3, 3) or (N - 1, 6, 6), optional
+        Of the motions; those of the noise model by default.
     stamps : array_like, shape (N,), optional
         Times; scan numbers by default.
     frame : str
@@ -86,8 +91,9 @@ def smooth(
     OptimizationError
         If the graph cannot be solved.
     """
-    poses, motions = se2.as_poses(initial, "initial"), se2.as_poses(odometry, "odometry")
-    if poses.shape != (term.scans, 3) or motions.shape != (term.scans - 1, 3):
+    group = group_of(3 if np.ndim(initial) == 3 else 2)
+    poses, motions = group.as_poses(initial, "initial"), group.as_poses(odometry, "odometry")
+    if len(poses) != term.scans or motions.shape != (term.scans - 1, *poses.shape[1:]):
         raise GeometryError(f"smooth: {term.scans} scans, poses {poses.shape} and motions {motions.shape} do not fit")
     measured = known_motions(known, len(motions))
     began = time.perf_counter()
@@ -98,21 +104,22 @@ def smooth(
         graph.push_back(prior.factor(keys[0]))
         kinds.append("prior")
     noise = noise or OdometryNoise()
-    for factor in odometry_factors(keys, motions, noise, measured):
+    of_motions = motion_covariances(motions, noise, covariances)
+    for factor in odometry_factors(keys, motions, noise, measured, of_motions):
         graph.push_back(factor)
         kinds.append("odometry")
-    values = _values(keys, poses)
+    values = pose_values(keys, poses)
     if levels is None:
         levels = [i for i, blur in enumerate(term.blurs) if blur <= 0.25] or [len(term.blurs) - 1]
     scans = ScanFactors(term, keys)
     coarse = optimize(graph, values, scans, levels=levels, settings=settings, progress=progress)
     smoothed = pose_array(coarse.values)
     candidates = [poses, smoothed]
-    if isinstance(term, GridScanTerm):
+    if isinstance(term, GridScanTerm | SpatialScanTerm):
         # Each scan alone, from where the graph holds it: a pose that others keep from moving gets its own steps.
-        candidates.append(register(term, smoothed, np.arange(len(poses)), levels=levels[-2:]).poses)
-    chosen = choose_poses(candidates, term, motions, noise, measured, prior)
-    found = optimize(graph, _values(keys, chosen), scans, settings=settings, progress=progress)
+        candidates.append(register_many(term, smoothed, np.arange(len(poses)), levels=levels[-2:]).poses)
+    chosen = choose_poses(candidates, term, motions, noise, measured, prior, of_motions)
+    found = optimize(graph, pose_values(keys, chosen), scans, settings=settings, progress=progress)
     times = np.arange(len(poses), dtype=np.float64) if stamps is None else np.asarray(stamps, np.float64)
     trajectory = Trajectory(times, pose_array(found.values), marginal_covariances(found, keys), world=frame)
     errors = np.array([graph.at(i).error(found.values) for i in range(graph.size())])
@@ -128,13 +135,6 @@ def smooth(
         {"motions not measured": int((~measured).sum())},
         time.perf_counter() - began,
     )
-
-
-def _values(keys: Sequence[int], poses: Array) -> gtsam.Values:
-    values = gtsam.Values()
-    for key, pose in zip(keys, poses, strict=True):
-        values.insert(key, gtsam.Pose2(*pose))
-    return values
 
 
 def marginal_covariances(found: Optimized, keys: Sequence[int]) -> Array:

@@ -13,10 +13,11 @@ from pydantic import Field
 from factorloc.config import Block
 from factorloc.errors import GeometryError
 from factorloc.factors.grid_scan_term import GridScanTerm
-from factorloc.factors.odometry import OdometryNoise, known_motions
+from factorloc.factors.odometry import OdometryNoise, known_motions, motion_covariances
 from factorloc.factors.prior import PosePrior
-from factorloc.geometry import se2
-from factorloc.localization.registration import Registration, RegistrationSettings, register
+from factorloc.factors.spatial_scan_term import SpatialScanTerm
+from factorloc.geometry import group_of, position_heading
+from factorloc.localization.registration import Registration, RegistrationSettings, register_many
 from factorloc.result import Result, StopReason
 from factorloc.trajectory import Trajectory
 
@@ -47,7 +48,7 @@ class TrackingSettings(Block):
 
 
 def find_start(
-    term: GridScanTerm,
+    term: GridScanTerm | SpatialScanTerm,
     prior: PosePrior,
     scan: int = 0,
     *,
@@ -58,7 +59,7 @@ def find_start(
 
     Parameters
     ----------
-    term : GridScanTerm
+    term : GridScanTerm or SpatialScanTerm
         Measurement model.
     prior : PosePrior
         What is known of the pose.
@@ -76,19 +77,24 @@ def find_start(
     """
     settings = settings or TrackingSettings()
     offsets = np.linspace(-1, 1, settings.start_grid) if settings.start_grid > 1 else np.zeros(1)
+    group = group_of(prior.dimension)
     spread = np.array(list(itertools.product(offsets, repeat=3)))
+    if prior.dimension == 3:  # a vehicle stands on its wheels: starts are spread over x, y and heading
+        planar, spread = spread, np.zeros((len(spread), 6))
+        spread[:, [3, 4, 2]] = planar
     # Columns of the square root of the covariance are the prior's own axes.
     root = np.linalg.cholesky(prior.covariance)
-    starts = se2.compose(prior.pose, se2.exp(spread @ root.T))
-    return register(term, starts, np.full(len(starts), scan), prior=prior, settings=registration)
+    starts = group.compose(prior.pose, group.exp(spread @ root.T))
+    return register_many(term, starts, np.full(len(starts), scan), prior=prior, settings=registration)
 
 
 def track(
-    term: GridScanTerm,
+    term: GridScanTerm | SpatialScanTerm,
     odometry: npt.ArrayLike,
     prior: PosePrior,
     *,
     known: npt.ArrayLike | None = None,
+    covariances: npt.ArrayLike | None = None,
     stamps: npt.ArrayLike | None = None,
     frame: str = "map",
     noise: OdometryNoise | None = None,
@@ -100,14 +106,16 @@ def track(
 
     Parameters
     ----------
-    term : GridScanTerm
+    term : GridScanTerm or SpatialScanTerm
         Measurement model of all N scans.
-    odometry : array_like, shape (N - 1, 3)
+    odometry : array_like, shape (N - 1, 3) or (N - 1, 4, 4)
         Motions of the body between scans.
     prior : PosePrior
         What is known of the first pose.
     known : array_like of bool, shape (N - 1,), optional
         Which motions were measured.
+    covariances : array_like, shape (N - 1, 3, 3) or (N - 1, 6, 6), optional
+        Of the motions; those of the noise model by default.
     stamps : array_like, shape (N,), optional
         Times; scan numbers by default.
     frame : str
@@ -132,17 +140,18 @@ def track(
         If there is not one motion, and one flag, between each pair of scans.
     """
     settings, noise = settings or TrackingSettings(), noise or OdometryNoise()
-    motions = se2.as_poses(odometry, "odometry")
+    group = group_of(prior.dimension)
+    motions = group.as_poses(odometry, "odometry")
     n = term.scans
-    if motions.shape != (n - 1, 3):
+    if motions.shape != (n - 1, *prior.pose.shape):
         raise GeometryError(f"odometry: shape {motions.shape}; expected {n - 1} motions between {n} scans")
     measured = known_motions(known, n - 1)
-    lost = np.diag(np.square([settings.lost_position, settings.lost_position, settings.lost_heading]))
-    motion_covariances = np.where(measured[:, None, None], noise.covariances(motions), lost)
+    lost = np.diag(position_heading(prior.dimension, settings.lost_position, settings.lost_heading) ** 2)
+    of_motions = np.where(measured[:, None, None], motion_covariances(motions, noise, covariances), lost)
     entries = [i for i, blur in enumerate(term.blurs) if blur <= settings.track_blur] or [len(term.blurs) - 1]
 
     began = time.perf_counter()
-    poses, covariances, costs = np.empty((n, 3)), np.empty((n, 3, 3)), np.empty(n)
+    poses, beliefs, costs = np.empty((n, *prior.pose.shape)), np.empty((n, *prior.covariance.shape)), np.empty(n)
     unconverged = 0
     for k in range(n):
         if k == 0 or not measured[k - 1]:
@@ -151,17 +160,17 @@ def track(
             found = _enter(term, prior, k, entries, registration)
         best = found.best
         poses[k], costs[k] = found.poses[best], found.costs[best]
-        covariances[k] = np.linalg.inv(found.hessians[best] + prior.information)
+        beliefs[k] = np.linalg.inv(found.hessians[best] + prior.information)
         unconverged += not found.converged[best]
         if k < n - 1:
-            carried = se2.adjoint(se2.inverse(motions[k]))
-            covariance = carried @ covariances[k] @ carried.T + motion_covariances[k]
-            prior = PosePrior(se2.compose(poses[k], motions[k]), (covariance + covariance.T) / 2)
+            carried = group.adjoint(group.inverse(motions[k]))
+            covariance = carried @ beliefs[k] @ carried.T + of_motions[k]
+            prior = PosePrior(group.compose(poses[k], motions[k]), (covariance + covariance.T) / 2)
         if progress:
             progress(k + 1)
     times = np.arange(n, dtype=np.float64) if stamps is None else np.asarray(stamps, np.float64)
     return Result(
-        Trajectory(times, poses, covariances, world=frame),
+        Trajectory(times, poses, beliefs, world=frame),
         float(costs.sum()),
         (),
         StopReason.SEQUENTIAL,
@@ -172,12 +181,16 @@ def track(
 
 
 def _enter(
-    term: GridScanTerm, prior: PosePrior, scan: int, entries: list[int], settings: RegistrationSettings | None
+    term: GridScanTerm | SpatialScanTerm,
+    prior: PosePrior,
+    scan: int,
+    entries: list[int],
+    settings: RegistrationSettings | None,
 ) -> Registration:
     """Register from the prediction, entering the pyramid at each of some levels."""
     last = len(term.blurs)
     found = [
-        register(term, prior.pose[None], [scan], levels=range(entry, last), prior=prior, settings=settings)
+        register_many(term, prior.pose[None], [scan], levels=range(entry, last), prior=prior, settings=settings)
         for entry in entries
     ]
     return Registration(

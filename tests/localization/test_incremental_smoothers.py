@@ -7,8 +7,8 @@ from gtsam.symbol_shorthand import X
 from test_optimizer import EXACT, PoseFixes, fixed_drive
 
 from factorloc.factors import DecayRateTerm, DistanceFieldTerm, OdometryNoise, odometry_factors, square_root_factor
+from factorloc.factors.native import pose_array
 from factorloc.localization import ScanFactors, optimize
-from factorloc.localization.optimizer import pose_array
 
 N = 25
 

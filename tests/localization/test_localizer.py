@@ -8,7 +8,7 @@ import pytest
 from factorloc.errors import ConfigError, GeometryError, MapError
 from factorloc.factors import DecayRateTerm, DistanceFieldTerm, PosePrior
 from factorloc.localization import LocalizationSettings, localize, smooth, track
-from factorloc.localization.localizer import make_term
+from factorloc.localization.prepared_map import PreparedMap
 from factorloc.mapping import RayStatistics
 
 
@@ -65,7 +65,7 @@ def test_settings_reach_every_part(office) -> None:
         optimizer={"max_iterations": 3},
     )
     ours = localize(statistics, scans, motions, office.prior, settings=settings)
-    term = make_term(statistics, scans, settings)
+    term = PreparedMap.of(statistics, settings).term(scans)
     assert (term.information, term.blurs) == (0.1, (0.4, 0.2, 0.05))
     parts = {"noise": settings.odometry, "prior": office.prior}
     tracked = track(term, motions, settings=settings.tracking, registration=settings.registration, **parts)
@@ -84,11 +84,11 @@ def test_a_map_blurred_more_than_asked_is_smoothed_on_its_finest_level(office) -
 
 def test_the_model_is_chosen_by_name(office) -> None:
     statistics, scans, motions = few(office)
-    assert isinstance(make_term(statistics, scans, LocalizationSettings()), DecayRateTerm)
+    assert isinstance(PreparedMap.of(statistics).term(scans), DecayRateTerm)
     field = LocalizationSettings(model="distance-field", blurs=(0.5, 0.0))
-    term = make_term(statistics, scans, field)
+    term = PreparedMap.of(statistics, field).term(scans)
     assert isinstance(term, DistanceFieldTerm)
-    assert (term.information, term.blurs) == (field.information, (0.5, 0.0))
+    assert (term.information, term.blurs) == (0.2, (0.5, 0.0))
     result = localize(statistics, scans, motions, office.truth[0] + 0.05, settings=field)
     assert np.hypot(*(result.smoothed.trajectory.poses - office.truth[:4])[:, :2].T).max() < 0.1
 

@@ -7,9 +7,9 @@ from gtsam.symbol_shorthand import X
 
 from factorloc.errors import ConfigError, OptimizationError
 from factorloc.factors import PosePrior, ScanCosts
+from factorloc.factors.native import pose_array
 from factorloc.geometry import se2
 from factorloc.localization import OptimizerSettings, ScanFactors, optimize
-from factorloc.localization.optimizer import pose_array
 from factorloc.result import StopReason
 
 EXACT = OptimizerSettings(relative_tolerance=1e-13, absolute_tolerance=1e-13)
