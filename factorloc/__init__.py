@@ -23,9 +23,18 @@ if TYPE_CHECKING:
     from factorloc.evaluation import evaluate
     from factorloc.factors import DecayRateTerm, DistanceFieldTerm, OdometryNoise, PosePrior
     from factorloc.geometry import se2, se3
-    from factorloc.localization import Localization, LocalizationSettings, localize, register, smooth, track
+    from factorloc.localization import (
+        Localization,
+        LocalizationSettings,
+        PreparedMap,
+        localize,
+        register,
+        smooth,
+        track,
+    )
     from factorloc.mapping import (
         BlurPyramid,
+        BrickStatistics,
         DecayRateMap,
         DecayRatePosterior,
         Grid,
@@ -45,9 +54,18 @@ _ROOMS = {
     "evaluation": ["evaluate"],
     "factors": ["DecayRateTerm", "DistanceFieldTerm", "OdometryNoise", "PosePrior"],
     "geometry": ["se2", "se3"],
-    "localization": ["Localization", "LocalizationSettings", "localize", "register", "smooth", "track"],
+    "localization": [
+        "Localization",
+        "LocalizationSettings",
+        "PreparedMap",
+        "localize",
+        "register",
+        "smooth",
+        "track",
+    ],
     "mapping": [
         "BlurPyramid",
+        "BrickStatistics",
         "DecayRateMap",
         "DecayRatePosterior",
         "Grid",
@@ -64,6 +82,7 @@ _ROOM_OF = {name: room for room, names in _ROOMS.items() for name in names}
 
 __all__ = [
     "BlurPyramid",
+    "BrickStatistics",
     "DecayRateMap",
     "DecayRatePosterior",
     "DecayRateTerm",
@@ -75,6 +94,7 @@ __all__ = [
     "LocalizationSettings",
     "OdometryNoise",
     "PosePrior",
+    "PreparedMap",
     "RayStatistics",
     "RayStatus",
     "Result",

@@ -15,6 +15,7 @@ from factorloc.cli.evaluate_command import evaluate
 from factorloc.cli.info_command import info
 from factorloc.cli.localize_command import localize
 from factorloc.cli.map_commands import map_app
+from factorloc.cli.simulate_command import simulate
 from factorloc.errors import FactorlocError, FactorlocWarning
 
 __all__ = ["app", "run"]
@@ -31,6 +32,8 @@ app = typer.Typer(
 
     [green]factorloc localize intel.h5 intel.clf.bz2 --truth intel-corrected.log.gz --scans odd[/green]
 
+    [green]factorloc simulate street -o world[/green]   a street in space, as a KITTI sequence
+
     [green]factorloc evaluate results/latest/smoothed.tum truth.tum[/green]
 
     [green]factorloc info intel.h5[/green]
@@ -45,6 +48,7 @@ app.command()(localize)
 app.command()(evaluate)
 app.command()(info)
 app.command()(demo)
+app.command()(simulate)
 
 
 def _show_version(wanted: bool) -> None:

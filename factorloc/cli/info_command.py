@@ -23,10 +23,14 @@ def info(path: Annotated[Path, typer.Argument(help="A map file, a recording, or 
 
     [green]factorloc info results/latest[/green]
     """
-    if path.is_dir():
+    from factorloc.datasets import READERS
+
+    if path.is_dir() and (path / "run.json").exists():
         _show("run", _run_facts(path))
     elif path.suffix in (".h5", ".hdf5"):
         _show("map", _map_facts(path))
+    elif path.is_dir() and not any(reader.matches(path) for reader in READERS):
+        _show("run", _run_facts(path))
     else:
         _show("recording", _drive_facts(path))
 
@@ -53,7 +57,7 @@ def _map_facts(path: Path) -> dict[str, str]:
         "lowest corner": ", ".join(f"{value:.2f}" for value in grid.origin) + " m",
         "highest corner": ", ".join(f"{value:.2f}" for value in grid.upper) + " m",
         "scans": str(found.scans),
-        "in memory": f"{grid.cells * 16 / 2**20:.1f} MiB",
+        "in memory": f"{found.cell_bytes / 2**20:.1f} MiB",
         "left out": ", ".join(f"{count} {reason}" for reason, count in found.left_out.items()) or "nothing",
         **{f"provenance: {name}": value for name, value in found.provenance.items()},
     }
@@ -72,7 +76,7 @@ def _drive_facts(path: Path) -> dict[str, str]:
         "scans": str(len(drive)),
         "beams": str(len(scan)),
         "range": f"{scan.range_limits[0]:g} to {scan.range_limits[1]:g} m, {returns:.1%} of the rays return",
-        "odometry": f"{known} of {len(drive) - 1} motions, {np.hypot(*drive.odometry[:, :2].T).sum():.1f} m",
+        "odometry": f"{known} of {len(drive) - 1} motions, {drive.dead_reckoning().length:.1f} m",
         "truth": "none" if drive.truth is None else f"{len(drive.truth)} poses, {drive.truth.length:.1f} m",
     }
     for number, report in enumerate(drive.reports):

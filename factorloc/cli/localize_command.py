@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from factorloc.cli.console import Threads, console, progress_bar, use_threads
+from factorloc.cli.recording import Mount, reader_options
 from factorloc.cli.selection import SELECTION_HELP, select_scans
 
 if TYPE_CHECKING:
@@ -18,18 +19,23 @@ __all__ = ["localize"]
 
 def localize(
     map_file: Annotated[Path, typer.Argument(metavar="MAP", help="Map file of [green]factorloc map build[/green].")],
-    log: Annotated[Path, typer.Argument(help="Recording with odometry.")],
+    log: Annotated[Path, typer.Argument(help="Recording; where it holds no odometry, its lidar scans give some.")],
     truth: Annotated[
         Path | None, typer.Option(help="Corrected log that belongs to a raw one: its scans are localized and judged.")
+    ] = None,
+    poses: Annotated[
+        Path | None, typer.Option(help="TUM trajectory of the body to begin with and to judge by, instead of a truth.")
     ] = None,
     start: Annotated[
         tuple[float, float, float] | None,
         typer.Option(metavar="X Y HEADING", help="About where the drive begins: m, m, degrees."),
     ] = None,
+    height: Annotated[float, typer.Option(help="Height of the start in a map in space, m.")] = 0.0,
     scans: Annotated[str, typer.Option(help=SELECTION_HELP)] = "all",
     config: Annotated[Path | None, typer.Option(help="Settings, TOML or JSON; see settings.json of any run.")] = None,
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder of all runs.")] = Path("results"),
     plots: Annotated[bool, typer.Option(help="Draw figures.")] = True,
+    mount: Mount = None,
     threads: Threads = None,
 ) -> None:
     """Track a recording scan by scan, smooth the whole of it, and write trajectories, metrics and figures.
@@ -41,24 +47,40 @@ def localize(
     [green]factorloc localize intel.h5 intel.clf.bz2 --start 0.6 0.0 -20[/green]
 
     [green]factorloc localize intel.h5 intel.clf.bz2 --truth intel-corrected.log.gz --scans odd[/green]
+
+    [green]factorloc localize street.h5 kitti/sequences/07 --scans odd[/green]
     """
+    from dataclasses import replace
+
     import numpy as np
 
     from factorloc.config import read_config
     from factorloc.datasets import open_drive
     from factorloc.errors import DataError
-    from factorloc.localization import LocalizationSettings
+    from factorloc.geometry import se3
+    from factorloc.localization import LocalizationSettings, with_lidar_odometry
     from factorloc.localization import localize as run
     from factorloc.localization.run_folder import RunFolder, new_run_folder
     from factorloc.mapping import read_map
+    from factorloc.trajectory import Trajectory
 
     use_threads(threads)
     settings = LocalizationSettings() if config is None else read_config(config, LocalizationSettings)
     statistics = read_map(map_file)
-    drive: Drive = open_drive(log) if truth is None else open_drive(log, truth=truth)
+    options = reader_options(mount) if truth is None else {"truth": truth}
+    drive: Drive = open_drive(log, **options)
+    planar = drive.dimension == 2
+    if poses is not None:
+        drive = replace(drive, truth=Trajectory.read_tum(poses, planar=planar).at(drive.stamps))
     drive = drive.select(select_scans(len(drive), scans))
+    if not planar and not drive.odometry_known.any():
+        with progress_bar("lidar odometry", len(drive)) as progress:
+            drive = with_lidar_odometry(drive, progress=progress)
     if start is not None:
         pose = np.array([start[0], start[1], np.radians(start[2])])
+        if not planar:
+            pose = se3.from_se2(pose)
+            pose[2, 3] = height
     elif drive.truth is not None:
         pose = drive.truth.poses[0]
         console.print("start: the first pose of the truth (choose another with --start X Y HEADING)")
@@ -71,6 +93,7 @@ def localize(
             drive.odometry,
             pose,
             known=drive.odometry_known,
+            covariances=drive.odometry_covariances,
             settings=settings,
             progress=progress,
         )

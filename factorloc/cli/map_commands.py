@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from factorloc.cli.console import Threads, console, progress_bar, use_threads
+from factorloc.cli.recording import Mount, reader_options
 from factorloc.cli.selection import SELECTION_HELP, select_scans
 
 __all__ = ["map_app"]
@@ -25,10 +26,14 @@ def build(
         Path | None, typer.Option(help="TUM trajectory of the body, instead of the recording's own truth.")
     ] = None,
     scans: Annotated[str, typer.Option(help=SELECTION_HELP)] = "all",
-    resolution: Annotated[float, typer.Option(min=0.001, help="Edge length of a cell, m.")] = 0.1,
+    resolution: Annotated[
+        float | None,
+        typer.Option(min=0.001, help="Edge length of a cell, m; 0.1 in the plane and 0.2 in space if not given."),
+    ] = None,
     frame: Annotated[str, typer.Option(help="Name of the map's frame.")] = "map",
     carve: Annotated[bool, typer.Option(help="Rays without return carve free space up to the maximum range.")] = True,
     picture: Annotated[bool, typer.Option(help="Draw the map beside the file.")] = True,
+    mount: Mount = None,
     threads: Threads = None,
 ) -> None:
     """Accumulate hits, misses and path lengths of every ray into a map.
@@ -38,17 +43,20 @@ def build(
     [green]factorloc map build intel-corrected.log.gz -o intel.h5[/green]
 
     [green]factorloc map build intel-corrected.log.gz --scans even --resolution 0.05 -o intel.h5[/green]
+
+    [green]factorloc map build kitti/sequences/07 -o street.h5[/green]
     """
     from factorloc.datasets import open_drive
     from factorloc.errors import DataError
-    from factorloc.mapping import DecayRateMap, RayStatistics, write_map
+    from factorloc.mapping import BrickStatistics, RayStatistics, top_view, write_map
     from factorloc.trajectory import Trajectory
     from factorloc.viewer import plot_map_and_trajectories, save_figure
 
     use_threads(threads)
-    drive = open_drive(log)
+    drive = open_drive(log, **reader_options(mount))
+    planar = drive.dimension == 2
     if poses is not None:
-        path = Trajectory.read_tum(poses, planar=True).at(drive.stamps)
+        path = Trajectory.read_tum(poses, planar=planar).at(drive.stamps)
     elif drive.truth is not None:
         path = drive.truth
     else:
@@ -58,8 +66,10 @@ def build(
     if not carve:
         chosen = [scan.select(scan.is_return) for scan in chosen]
     path = path.select(rows)
+    resolution = resolution or (0.1 if planar else 0.2)
+    kind = RayStatistics if planar else BrickStatistics
     with progress_bar("mapping", len(chosen)) as progress:
-        statistics = RayStatistics.from_scans(chosen, path.poses, resolution=resolution, frame=frame, progress=progress)
+        statistics = kind.from_scans(chosen, path.poses, resolution=resolution, frame=frame, progress=progress)
     write_map(output, statistics, provenance={"recording": log.name, "scans": scans, "carve": str(carve)})
     grid = statistics.grid
     size = " x ".join(f"{(high - low):.1f}" for low, high in zip(grid.origin, grid.upper, strict=True))
@@ -71,8 +81,6 @@ def build(
     for report in drive.reports:
         console.print(f"[dim]{report}[/dim]", soft_wrap=True)
     if picture:
-        image = DecayRateMap.from_statistics(statistics).reflection_probability()
-        image[statistics.path_fixed == 0] = float("nan")
         file = output.with_suffix(".png")
-        save_figure(plot_map_and_trajectories(image, grid.extent, {"mapping drive": path}), file)
+        save_figure(plot_map_and_trajectories(top_view(statistics), grid.extent, {"mapping drive": path}), file)
         console.print(f"picture: {file}")

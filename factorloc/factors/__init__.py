@@ -6,19 +6,23 @@ for incremental ones.
 """
 
 from factorloc.factors.adaptors import hessian_factors, square_root_factor
+from factorloc.factors.level_tables import LevelTables
 from factorloc.factors.odometry import OdometryNoise, odometry_factors
 from factorloc.factors.prior import PosePrior
 from factorloc.factors.distance_field import DistanceFieldTerm
 from factorloc.factors.grid_scan_term import DecayRateTerm
 from factorloc.factors.scan_term import ScanCosts, ScanTerm
+from factorloc.factors.spatial_scan_term import SpatialScanTerm
 
 __all__ = [
     "DecayRateTerm",
     "DistanceFieldTerm",
+    "LevelTables",
     "OdometryNoise",
     "PosePrior",
     "ScanCosts",
     "ScanTerm",
+    "SpatialScanTerm",
     "hessian_factors",
     "odometry_factors",
     "square_root_factor",

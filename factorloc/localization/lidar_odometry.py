@@ -60,7 +60,7 @@ class LidarOdometry:
 def lidar_odometry(
     scans: Sequence[Scan],
     settings: LidarOdometrySettings | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Callable[[int], None] | None = None,
 ) -> LidarOdometry:
     """Estimate the motions between spatial scans.
 
@@ -81,7 +81,7 @@ def lidar_odometry(
     settings : LidarOdometrySettings, optional
         The defaults suit a vehicle with a lidar of many rings on a street.
     progress : callable, optional
-        Called with the number of scans done, and of all.
+        Called with the number of scans done.
 
     Returns
     -------
@@ -116,7 +116,7 @@ def lidar_odometry(
             inliers[k - 1], residuals[k - 1] = fit.inliers, fit.residual
             local = LocalMap(settings, cloud)
         if progress is not None:
-            progress(k + 1, len(scans))
+            progress(k + 1)
     odometry = LidarOdometry(motions, covariances, known, inliers, residuals)
     if odometry.failed:
         first = int(np.argmin(known))
@@ -128,7 +128,7 @@ def lidar_odometry(
 def with_lidar_odometry(
     drive: Drive,
     settings: LidarOdometrySettings | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Callable[[int], None] | None = None,
 ) -> Drive:
     """Return the drive with the motions that lidar odometry finds in its scans, in place of what it had.
 

@@ -19,8 +19,9 @@ from factorloc.config import Block, write_config
 from factorloc.errors import FactorlocError
 from factorloc.evaluation import Report, absolute_errors, evaluate
 from factorloc.files import atomic_path, write_text
-from factorloc.mapping.decay_rate import DecayRateMap
+from factorloc.mapping.brick_statistics import BrickStatistics
 from factorloc.mapping.ray_statistics import RayStatistics
+from factorloc.mapping.top_view import top_view
 from factorloc.result import Result
 from factorloc.trajectory import Trajectory
 from factorloc.viewer import (
@@ -140,7 +141,7 @@ class RunFolder:
 
     def draw(
         self,
-        statistics: RayStatistics,
+        statistics: RayStatistics | BrickStatistics,
         trajectories: Mapping[str, Trajectory],
         results: Mapping[str, Result],
         truth: Trajectory | None = None,
@@ -148,8 +149,7 @@ class RunFolder:
         """Draw the map with all paths, the costs, and with a truth the errors over time and along the last path."""
         viewer = Viewer(self.folder) if self.plots else NullViewer()
         grid = statistics.grid
-        image = DecayRateMap.from_statistics(statistics).reflection_probability()
-        image[statistics.path_fixed == 0] = np.nan
+        image = top_view(statistics)
         # Tracked and smoothed paths lie on each other at the scale of a map: the last result stands for all.
         shown = [name for name in trajectories if name not in results or name == list(results)[-1]]
         paths = {name: trajectories[name] for name in shown} | ({} if truth is None else {"truth": truth})

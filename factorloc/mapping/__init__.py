@@ -10,10 +10,13 @@ from factorloc.mapping.grid import Grid
 from factorloc.mapping.prior import GammaPrior, estimate_prior
 from factorloc.mapping.pyramid import DEFAULT_BLURS, BlurPyramid
 from factorloc.mapping.ray_statistics import RayStatistics
+from factorloc.mapping.spatial_pyramid import SPATIAL_BLURS, SpatialPyramid
 from factorloc.mapping.storage import MapInfo, read_map, read_map_info, write_map
+from factorloc.mapping.top_view import top_view
 
 __all__ = [
     "DEFAULT_BLURS",
+    "SPATIAL_BLURS",
     "BlurPyramid",
     "BrickStatistics",
     "DecayRateMap",
@@ -22,8 +25,10 @@ __all__ = [
     "Grid",
     "MapInfo",
     "RayStatistics",
+    "SpatialPyramid",
     "estimate_prior",
     "read_map",
     "read_map_info",
+    "top_view",
     "write_map",
 ]

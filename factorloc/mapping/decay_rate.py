@@ -11,9 +11,12 @@ import numpy.typing as npt
 from factorloc.errors import MapError
 from factorloc.mapping._forward_kernels import decay_log_likelihoods, posterior_log_likelihoods
 from factorloc.mapping.accumulation import rays_in_map
+from factorloc.mapping.brick_statistics import BrickStatistics
 from factorloc.mapping.grid import Grid
 from factorloc.mapping.prior import GammaPrior, PriorRule, estimate_prior
 from factorloc.mapping.ray_statistics import RayStatistics
+from factorloc.mapping.spatial_accumulation import spatial_rays_in_map
+from factorloc.mapping.spatial_likelihood import decay_log_likelihood, posterior_log_likelihood
 from factorloc.rays import pack
 from factorloc.scan import Scan
 
@@ -30,7 +33,8 @@ def rimmed(values: npt.ArrayLike, rim: float) -> Array:
 def _world_rays(scan: Scan, T_map_body: npt.ArrayLike, grid: Grid) -> tuple[Array, Array]:
     if scan.dimension != grid.dimension:
         raise MapError(f"scan: it has {scan.dimension} dimensions, the map {grid.dimension}; use a map made for it")
-    return rays_in_map(pack([scan]), np.asarray(T_map_body, np.float64)[None])
+    rays, pose = pack([scan]), np.asarray(T_map_body, np.float64)[None]
+    return rays_in_map(rays, pose) if grid.dimension == 2 else spatial_rays_in_map(rays, pose)
 
 
 @dataclass(frozen=True)
@@ -43,17 +47,19 @@ class DecayRateMap:
 
     Parameters
     ----------
-    statistics : RayStatistics
+    statistics : RayStatistics or BrickStatistics
         What the mapping rays left behind.
     prior : GammaPrior
         Its mean fills unseen space.
     """
 
-    statistics: RayStatistics
+    statistics: RayStatistics | BrickStatistics
     prior: GammaPrior
 
     @classmethod
-    def from_statistics(cls, statistics: RayStatistics, prior: GammaPrior | PriorRule = "marginal") -> DecayRateMap:
+    def from_statistics(
+        cls, statistics: RayStatistics | BrickStatistics, prior: GammaPrior | PriorRule = "marginal"
+    ) -> DecayRateMap:
         """Make the map, estimating the prior by the rule named."""
         return cls(statistics, prior if isinstance(prior, GammaPrior) else estimate_prior(statistics, prior))
 
@@ -64,7 +70,7 @@ class DecayRateMap:
 
     @cached_property
     def rates(self) -> Array:
-        """Decay rates, 1/m, shape ``grid.shape``."""
+        """Decay rates, 1/m, shape ``grid.shape``; of a sparse map those of the visited cells."""
         path = self.statistics.path_lengths
         # A reflection exactly where a ray enters a cell leaves a hit without path: then the shortest path is assumed.
         safe = np.where((path == 0) & (self.statistics.hits > 0), 2.0**-20, path)
@@ -81,8 +87,8 @@ class DecayRateMap:
         Parameters
         ----------
         scan : Scan
-            Planar scan.
-        T_map_body : array_like, shape (3,)
+            Of the map's dimension.
+        T_map_body : array_like, shape (3,) or (4, 4)
             Pose of the body.
 
         Returns
@@ -97,6 +103,8 @@ class DecayRateMap:
         """
         origins, directions = _world_rays(scan, T_map_body, self.grid)
         mean = self.prior.mean
+        if self.grid.dimension == 3:
+            return decay_log_likelihood(self.statistics, self.rates, mean, scan, origins, directions)
         with np.errstate(divide="ignore"):
             log_rates = rimmed(np.log(self.rates), np.log(mean))
         out = np.empty(len(scan))
@@ -124,18 +132,18 @@ class DecayRatePosterior:
 
     Parameters
     ----------
-    statistics : RayStatistics
+    statistics : RayStatistics or BrickStatistics
         What the mapping rays left behind.
     prior : GammaPrior
         alpha and beta.
     """
 
-    statistics: RayStatistics
+    statistics: RayStatistics | BrickStatistics
     prior: GammaPrior
 
     @classmethod
     def from_statistics(
-        cls, statistics: RayStatistics, prior: GammaPrior | PriorRule = "marginal"
+        cls, statistics: RayStatistics | BrickStatistics, prior: GammaPrior | PriorRule = "marginal"
     ) -> DecayRatePosterior:
         """Make the posterior, estimating the prior by the rule named."""
         return cls(statistics, prior if isinstance(prior, GammaPrior) else estimate_prior(statistics, prior))
@@ -147,12 +155,12 @@ class DecayRatePosterior:
 
     @cached_property
     def shapes(self) -> Array:
-        """Shape parameters ``H + alpha``, shape ``grid.shape``."""
+        """Shape parameters ``H + alpha``, shape ``grid.shape``; of a sparse map those of the visited cells."""
         return self.statistics.hits.astype(np.float64) + self.prior.shape
 
     @cached_property
     def paths(self) -> Array:
-        """Path parameters ``R + beta``, m, shape ``grid.shape``."""
+        """Path parameters ``R + beta``, m, shape as :attr:`shapes`."""
         return self.statistics.path_lengths + self.prior.path
 
     @property
@@ -166,6 +174,11 @@ class DecayRatePosterior:
         Parameters and returns as :meth:`DecayRateMap.log_likelihood`; always finite for rays longer than 0.
         """
         origins, directions = _world_rays(scan, T_map_body, self.grid)
+        prior = (self.prior.shape, self.prior.path)
+        if self.grid.dimension == 3:
+            return posterior_log_likelihood(
+                self.statistics, self.shapes, self.paths, prior, scan, origins, directions
+            )
         out = np.empty(len(scan))
         posterior_log_likelihoods(
             rimmed(self.shapes, self.prior.shape).ravel(),

@@ -32,11 +32,11 @@ _LIBRARY = ("v110", "v110")
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _SUPERBLOCK = 3
 _SHUFFLE_DEFLATE_CHECKSUM = [2, 1, 3]  # the numbers of these filters in HDF5
-_CHUNK_EDGE = {2: 256, 3: 40}
+_CHUNK_EDGE = {1: 65536, 2: 256, 3: 40}
 
 
 def _chunks(shape: tuple[int, ...]) -> tuple[int, ...]:
-    return tuple(min(_CHUNK_EDGE[len(shape)], n) for n in shape)
+    return tuple(max(min(_CHUNK_EDGE[len(shape)], n), 1) for n in shape)
 
 
 @contextmanager
@@ -72,6 +72,8 @@ def create_text(file: h5py.File, name: str, text: str) -> None:
 def create_array(file: h5py.File, name: str, values: npt.NDArray[Any]) -> None:
     """Add a dataset in compressed chunks with checksums."""
     options = {"chunks": _chunks(values.shape), "compression": "gzip", "shuffle": True, "fletcher32": True}
+    if values.size == 0:  # HDF5 wants chunks no longer than what may be there one day
+        options["maxshape"] = tuple(max(n, 1) for n in values.shape)
     file.create_dataset(name, data=values, **options)
 
 
@@ -204,6 +206,6 @@ class CheckedFile:
         most = math.prod(chunks) * found.dtype.itemsize * 1.001 + 64
         if len(sizes) != math.prod(-(-n // c) for n, c in zip(shape, chunks, strict=True)):
             raise self.refused(f"'{name}' lacks some of its chunks")
-        if not 0 < min(sizes) <= max(sizes) <= most:
+        if sizes and not 0 < min(sizes) <= max(sizes) <= most:
             raise self.refused(f"'{name}' has a chunk of wrong size or without checksum")
         return found

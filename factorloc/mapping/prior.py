@@ -11,6 +11,7 @@ from scipy.optimize import minimize
 from scipy.special import digamma, gammaln
 
 from factorloc.errors import MapError
+from factorloc.mapping.brick_statistics import BrickStatistics
 from factorloc.mapping.ray_statistics import RayStatistics
 
 __all__ = ["GammaPrior", "PriorRule", "estimate_prior"]
@@ -51,7 +52,7 @@ class GammaPrior:
         return self.shape / self.path**2
 
 
-def estimate_prior(statistics: RayStatistics, rule: PriorRule = "marginal") -> GammaPrior:
+def estimate_prior(statistics: RayStatistics | BrickStatistics, rule: PriorRule = "marginal") -> GammaPrior:
     """Fit the prior to all cells that some ray has crossed.
 
     Decay rates are heavy-tailed (a wall cell of 0.1 m that stops every ray after a millimetre has 1000 1/m), so the
@@ -62,7 +63,7 @@ def estimate_prior(statistics: RayStatistics, rule: PriorRule = "marginal") -> G
 
     Parameters
     ----------
-    statistics : RayStatistics
+    statistics : RayStatistics or BrickStatistics
         Hits and path lengths.
     rule : {"marginal", "published"}
         Marginal likelihood (empirical Bayes), or the moments of H/R over the cells (thesis, section 8.5).

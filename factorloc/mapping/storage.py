@@ -20,17 +20,22 @@ import numpy.typing as npt
 from factorloc._version import __version__
 from factorloc.errors import MapError, MapFormatError
 from factorloc.files import atomic_path
+from factorloc.mapping.brick_statistics import BrickStatistics
+from factorloc.mapping.brick_storage import BRICK_ARRAYS, COUNTS, check_bricks, read_bricks
 from factorloc.mapping.grid import Grid, require_memory
 from factorloc.mapping.hdf5 import CheckedFile, create_array, create_text, creating, opening
 from factorloc.mapping.ray_statistics import RayStatistics
 
-__all__ = ["FORMAT", "KIND", "MapInfo", "read_map", "read_map_info", "write_map"]
+__all__ = ["FORMAT", "KIND", "SPARSE_KIND", "MapInfo", "read_map", "read_map_info", "write_map"]
 
 KIND = "factorloc ray statistics"
-"""What the file says it holds."""
+"""What the file of a dense map says it holds."""
+
+SPARSE_KIND = "factorloc brick statistics"
+"""What the file of a sparse map says it holds."""
 
 FORMAT = 1
-"""Version of the file format, apart from the package's own: it grows when older readers could misread a file."""
+"""Version of the file formats, apart from the package's own: it grows when older readers could misread a file."""
 
 _ARRAYS: dict[str, np.dtype[Any]] = {
     "hits": np.dtype(np.uint32),
@@ -66,6 +71,8 @@ class MapInfo:
         Rays that were not used, by reason.
     bytes : int
         Size of the file.
+    cell_bytes : int
+        Memory of its cells once read.
     """
 
     path: Path
@@ -78,17 +85,20 @@ class MapInfo:
     provenance: dict[str, str]
     left_out: dict[str, int]
     bytes: int
+    cell_bytes: int
 
 
-def write_map(path: Path | str, statistics: RayStatistics, *, provenance: Mapping[str, str] | None = None) -> None:
+def write_map(
+    path: Path | str, statistics: RayStatistics | BrickStatistics, *, provenance: Mapping[str, str] | None = None
+) -> None:
     """Write a map, whole or not at all.
 
     Parameters
     ----------
     path : Path or str
         Target; replaced when all is written.
-    statistics : RayStatistics
-        The map.
+    statistics : RayStatistics or BrickStatistics
+        The map, dense or sparse.
     provenance : mapping of str to str, optional
         Where it comes from: recordings, selections, settings.
 
@@ -103,14 +113,15 @@ def write_map(path: Path | str, statistics: RayStatistics, *, provenance: Mappin
     if not all(isinstance(text, str) for pair in source.items() for text in pair):
         raise MapError(f"provenance: {source}; expected names and texts")
     texts = {
-        "kind": KIND,
+        "kind": SPARSE_KIND if isinstance(statistics, BrickStatistics) else KIND,
         "factorloc": __version__,
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "frame": grid.frame,
         "provenance": json.dumps(source),
         "left_out": json.dumps(statistics.left_out),
     }
-    arrays = {name: _as_type(name, getattr(statistics, name), dtype) for name, dtype in _ARRAYS.items()}
+    types = BRICK_ARRAYS if isinstance(statistics, BrickStatistics) else _ARRAYS
+    arrays = {name: _as_type(name, getattr(statistics, name), dtype) for name, dtype in types.items()}
     with atomic_path(path) as temporary, creating(temporary) as file:
         for name, text in texts.items():
             create_text(file, name, text)
@@ -119,6 +130,9 @@ def write_map(path: Path | str, statistics: RayStatistics, *, provenance: Mappin
         file.attrs["origin"] = np.array(grid.origin)
         file.attrs["shape"] = np.array(grid.shape, np.int64)
         file.attrs["scans"] = np.int64(statistics.scans)
+        if isinstance(statistics, BrickStatistics):
+            for name, count in zip(COUNTS, (len(statistics.bricks), len(statistics.local)), strict=True):
+                file.attrs[name] = np.int64(count)
         for name, values in arrays.items():
             create_array(file, name, values)
 
@@ -146,7 +160,9 @@ def read_map_info(path: Path | str) -> MapInfo:
         return _info(file)
 
 
-def read_map(path: Path | str, *, region: tuple[npt.ArrayLike, npt.ArrayLike] | None = None) -> RayStatistics:
+def read_map(
+    path: Path | str, *, region: tuple[npt.ArrayLike, npt.ArrayLike] | None = None
+) -> RayStatistics | BrickStatistics:
     """Read a map, or the part of it that covers a region.
 
     Parameters
@@ -154,13 +170,13 @@ def read_map(path: Path | str, *, region: tuple[npt.ArrayLike, npt.ArrayLike] | 
     path : Path or str
         Map file.
     region : (low, high), optional
-        Two corners in the frame of the map, m. Only the chunks of cells they touch are read and checked, and the grid
-        is the part of the map's that covers them; ``scans`` and ``left_out`` remain those of the whole map.
+        Two corners in the frame of the map, m. Only the chunks or bricks of cells they touch are read and checked, and
+        the grid is the part of the map's that covers them; ``scans`` and ``left_out`` remain those of the whole map.
 
     Returns
     -------
-    RayStatistics
-        Equal to what was written, to the last bit.
+    RayStatistics or BrickStatistics
+        What was written, equal to the last bit.
 
     Raises
     ------
@@ -179,6 +195,8 @@ def read_map(path: Path | str, *, region: tuple[npt.ArrayLike, npt.ArrayLike] | 
                 grid = grid.crop(*region)
             except MapError as error:
                 raise MapError(f"{path}: {error}") from error
+        if info.kind == SPARSE_KIND:
+            return read_bricks(file, info.grid, grid, info.scans, info.left_out)
         require_memory(grid.cells * 16, f"{path}: a map of {' x '.join(map(str, grid.shape))} cells")
         window = info.grid.window(grid)
         hits, misses, path_fixed = (file.file[name][window] for name in _ARRAYS)
@@ -190,7 +208,7 @@ def read_map(path: Path | str, *, region: tuple[npt.ArrayLike, npt.ArrayLike] | 
 def _info(file: CheckedFile) -> MapInfo:
     if "kind" not in file.file.attrs:
         raise file.refused("an HDF5 file, but no map of factorloc")
-    if (kind := file.text("kind")) != KIND:
+    if (kind := file.text("kind")) not in (KIND, SPARSE_KIND):
         raise file.refused(f"holds '{kind[:80]}', not '{KIND}'")
     if (version := file.integer("format")) > FORMAT:
         raise MapFormatError(
@@ -205,8 +223,11 @@ def _info(file: CheckedFile) -> MapInfo:
         raise
     except MapError as error:
         raise file.refused(str(error)) from error
-    for name, dtype in _ARRAYS.items():
-        file.array(name, dtype, grid.shape)
+    if kind == SPARSE_KIND:
+        check_bricks(file, grid)
+    else:
+        for name, dtype in _ARRAYS.items():
+            file.array(name, dtype, grid.shape)
     provenance, left_out = json.loads(file.text("provenance")), json.loads(file.text("left_out"))
     if not (isinstance(provenance, dict) and all(type(text) is str for text in provenance.values())):
         raise file.refused("attribute 'provenance' is no JSON object of texts")
@@ -217,4 +238,5 @@ def _info(file: CheckedFile) -> MapInfo:
         raise file.refused(f"attribute 'created' is {created}, not in UTC")
     size = file.path.stat().st_size
     writer, scans = file.text("factorloc"), file.integer("scans")
-    return MapInfo(file.path, kind, version, writer, created, grid, scans, provenance, left_out, size)
+    memory = 18 * file.integer("cell_count") if kind == SPARSE_KIND else 16 * grid.cells
+    return MapInfo(file.path, kind, version, writer, created, grid, scans, provenance, left_out, size, memory)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,12 @@ _T_CAMERA_LIDAR = np.array([[0.0, -1, 0, 0], [0, 0, -1, -0.08], [1, 0, 0, -0.27]
 
 
 def write_kitti(
-    folder: Path | str, drive: SimulatedDrive, sequence: str = "00", *, T_camera_lidar: npt.ArrayLike | None = None
+    folder: Path | str,
+    drive: SimulatedDrive,
+    sequence: str = "00",
+    *,
+    T_camera_lidar: npt.ArrayLike | None = None,
+    progress: Callable[[int], None] | None = None,
 ) -> None:
     """Write a drive as a sequence of the KITTI odometry benchmark, whole or not at all.
 
@@ -42,6 +48,8 @@ def write_kitti(
         Its number.
     T_camera_lidar : array_like, shape (4, 4), optional
         Pose of the lidar in the frame of camera 0; by default about that of the benchmark.
+    progress : callable, optional
+        Called with the number of scans written.
 
     Raises
     ------
@@ -68,7 +76,7 @@ def write_kitti(
         poses.parent.mkdir(parents=True, exist_ok=True)
         temporary = Path(tempfile.mkdtemp(prefix=f".{sequence}.", dir=target.parent))
         try:
-            mount = _write_sweeps(temporary / "velodyne", drive)
+            mount = _write_sweeps(temporary / "velodyne", drive, progress)
             (temporary / "calib.txt").write_text(f"Tr: {_row(camera)}\n", encoding="utf-8")
             times = "".join(f"{stamp:.9e}\n" for stamp in drive.stamps - drive.stamps[0])
             (temporary / "times.txt").write_text(times, encoding="utf-8")
@@ -90,7 +98,7 @@ def write_kitti(
         raise FactorlocError(f"{target}: cannot be written ({error.strerror or error})") from error
 
 
-def _write_sweeps(folder: Path, drive: SimulatedDrive) -> Array:
+def _write_sweeps(folder: Path, drive: SimulatedDrive, progress: Callable[[int], None] | None) -> Array:
     """Write all sweeps; returns the pose of the lidar on the body, which they share."""
     folder.mkdir()
     mount = se3.identity()
@@ -100,6 +108,8 @@ def _write_sweeps(folder: Path, drive: SimulatedDrive) -> Array:
             raise SimulationError(f"scan {k}: T_body_sensor differs from that of scan 0; KITTI holds one")
         points = scan.points()
         np.column_stack([points, np.zeros(len(points))]).astype("<f4").tofile(folder / f"{k:06d}.bin")
+        if progress:
+            progress(k + 1)
     return mount
 
 

@@ -1,5 +1,7 @@
 """Ray statistics in space: equal to a naive walk, and the same in bricks, slabs, parts and windows to the last bit."""
 
+from itertools import pairwise
+
 import naive
 import numpy as np
 import pytest
@@ -95,7 +97,7 @@ def test_slabs_leave_no_trace(data: st.DataObject, cuts: list[int]) -> None:
     walk = (block.origins, block.directions, block.ranges, is_return)
     where = (np.array(grid.origin), grid.resolution, grid.shape, None)
     accumulate_spatial(*walk, 0, grid.shape[0], *where, whole)
-    for first, last in zip(edges[:-1], edges[1:], strict=True):
+    for first, last in pairwise(edges):
         accumulate_spatial(*walk, first, last, *where, parts)
     assert np.array_equal(whole, parts)
 
@@ -166,7 +168,9 @@ def test_scans_at_poses_of_a_moving_body() -> None:
     assert same(sparse.to_dense(), full)
     assert (sparse.scans, seen) == (3, [3])
     assert sparse.nbytes < full.hits.nbytes + full.misses.nbytes + full.path_fixed.nbytes
-    returned, silent = (3 * scan.ranges[scan.status == which].sum() for which in (RayStatus.RETURN, RayStatus.NO_RETURN))
+    returned, silent = (
+        3 * scan.ranges[scan.status == which].sum() for which in (RayStatus.RETURN, RayStatus.NO_RETURN)
+    )
     # The grid holds every return, and of rays without return what lies in it.
     assert returned < full.path_lengths.sum() + 1e-3 < returned + silent
     assert full.hits.sum() == 3 * (scan.status == RayStatus.RETURN).sum()
