@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["Bar", "plot_bars"]
+__all__ = ["Bar", "plot_bars", "plot_columns"]
 
 
 @dataclass(frozen=True)
@@ -63,8 +63,47 @@ def plot_bars(groups: Mapping[str, Sequence[Bar]], unit: str, *, share: bool = T
     return figure
 
 
-def _draw(axes: Axes, bars: Sequence[Bar], colours: Mapping[str, str], unit: str) -> None:
-    for row, bar in enumerate(bars):
+def plot_columns(columns: Mapping[str, Mapping[str, Sequence[Bar]]], unit: str) -> Figure:
+    """Draw a column of panels a case and a row a group, each row on one scale; a competitor has one colour.
+
+    Parameters
+    ----------
+    columns : mapping of str to mapping of str to sequence of Bar
+        Groups of bars by case, then by title; every case has the same titles, and some bars of each may be missing.
+    unit : str
+        Of all values.
+    """
+    titles = list(next(iter(columns.values())))
+    labels = {
+        title: list(dict.fromkeys(bar.label for groups in columns.values() for bar in groups[title]))
+        for title in titles
+    }
+    every = list(dict.fromkeys(label for row in labels.values() for label in row))
+    colours = {label: OKABE_ITO[number % len(OKABE_ITO)] for number, label in enumerate(every)}
+    titles = [title for title in titles if labels[title]]
+    heights = [len(labels[title]) for title in titles]
+    figure = new_figure(WIDTH * max(1.0, 0.25 + 0.4 * len(columns)), 0.8 + 0.3 * sum(heights) + 0.45 * len(heights))
+    panels = figure.subplots(
+        len(titles), len(columns), sharex="row", sharey="row", squeeze=False, gridspec_kw={"height_ratios": heights}
+    )
+    for column, (case, groups) in enumerate(columns.items()):
+        for axes, title in zip(panels[:, column], titles, strict=True):
+            _draw(axes, groups[title], colours, unit, labels[title])
+            axes.set_title(
+                title if len(columns) == 1 else f"{case}: {title}", fontsize=FONT_SIZE, color=INK, loc="left"
+            )
+            dress(axes)
+            axes.grid(False, axis="y")
+        panels[-1, column].set_xlabel(f"{unit} (median, quartiles; dashed: goal)", fontsize=FONT_SIZE, color=INK)
+    return figure
+
+
+def _draw(
+    axes: Axes, bars: Sequence[Bar], colours: Mapping[str, str], unit: str, labels: Sequence[str] | None = None
+) -> None:
+    labels = labels or [bar.label for bar in bars]
+    for bar in bars:
+        row = labels.index(bar.label)
         axes.barh(row, bar.value, height=0.7, color=colours[bar.label], zorder=2)
         low, high = bar.spread
         axes.plot([low, high], [row, row], color=INK, linewidth=1.2, solid_capstyle="butt", zorder=3)
@@ -82,7 +121,7 @@ def _draw(axes: Axes, bars: Sequence[Bar], colours: Mapping[str, str], unit: str
             fontsize=FONT_SIZE - 1,
             color=INK,
         )
-    axes.set_yticks(range(len(bars)), [bar.label for bar in bars])
-    axes.set_ylim(len(bars) - 0.5, -0.5)
-    axes.set_xlim(left=0)
+    axes.set_yticks(range(len(labels)), labels)
+    axes.set_ylim(len(labels) - 0.5, -0.5)
+    axes.set_xlim(left=0, auto=None)  # panels that share the scale widen it yet
     axes.margins(x=0.12)

@@ -62,12 +62,18 @@ class Report:
 
         caption = ", ".join(f"{count} {name}" for name, count in self.counts.items())
         # Text, so that brackets in a name are not taken for markup.
-        table = Table(title=None if title is None else Text(title), caption=caption or None, box=SIMPLE_HEAD)
+        table = Table(
+            title=None if title is None else Text(title),
+            caption=caption or None,
+            box=SIMPLE_HEAD,
+            pad_edge=False,
+            padding=(0, 0),  # 80 columns hold it
+        )
         table.title_justify = table.caption_justify = "left"
         table.add_column("metric", no_wrap=True)
         table.add_column("unit", no_wrap=True)
         for header in _COLUMNS.values():
-            table.add_column(header, justify="right", no_wrap=True)
+            table.add_column(header, justify="right", no_wrap=True, min_width=7)
         for name, statistics in self.metrics.items():
             shown = statistics.in_degrees()
             figures = (f"{getattr(shown, column):.4f}" for column in _COLUMNS)
