@@ -144,7 +144,7 @@ def spatial_scene(
         "scans walked": min(scans or SPATIAL_SCANS, len(drive.scans)),
         "returns": len(returns.lengths),
         "grid": returns.grid.shape,
-        "visited cells": len(returns.statistics.local),
+        "visited cells": len(returns.statistics.cells),
         "bricks": len(returns.statistics.bricks),
     }
     rounds, memory = SPATIAL_ROUNDS[given.quick], spatial_memory(returns)

@@ -114,6 +114,18 @@ def add_spatial_prior(pose, mean, information, gradient, hessian, r, J):
     r[0] = scale * s_x
     r[1] = scale * s_y
     r[2] = scale * s_z
+    if (
+        sine <= 1e-9 and angle > 1.0
+    ):  # half a turn has no skew part: R = 2 a a' - I, columns of R + I lie along the axis
+        k = 0
+        for i in range(1, 3):
+            if J[3 + i, 3 + i] > J[3 + k, 3 + k]:
+                k = i
+        J[3 + k, 3 + k] += 1.0
+        size = math.sqrt(J[3, 3 + k] ** 2 + J[4, 3 + k] ** 2 + J[5, 3 + k] ** 2)
+        for i in range(3):
+            r[i] = angle * J[3 + i, 3 + k] / size
+        J[3 + k, 3 + k] -= 1.0
     J[0, 0] = 1.0
     J[1, 1] = 1.0
     J[2, 2] = 1.0

@@ -12,6 +12,7 @@ from factorloc.mapping.brick_statistics import BrickStatistics
 from factorloc.mapping.bricks import BRICK, BrickLayout
 from factorloc.mapping.grid import Grid, require_memory
 from factorloc.mapping.hdf5 import CheckedFile
+from factorloc.mapping.visited_cells import VisitedCells
 
 __all__ = ["BRICK_ARRAYS", "COUNTS", "check_bricks", "read_bricks"]
 
@@ -81,7 +82,7 @@ def read_bricks(
         raise file.refused("'path_fixed' is negative somewhere")
     kept = np.concatenate([[0], np.cumsum(np.diff(offsets)[near])])
     try:
-        part = BrickStatistics(whole, bricks[near], kept, **arrays, scans=scans, left_out=left_out)
+        part = BrickStatistics(whole, VisitedCells.in_order(bricks[near], kept, **arrays), scans, left_out)
     except MapFormatError:
         raise
     except MapError as error:

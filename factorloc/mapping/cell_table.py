@@ -111,11 +111,12 @@ class CellTable:
         bricks: list[npt.NDArray[np.int64]] = []
         pools: list[Pool] = []
         for corner, count in _chunks(there, reach):
-            grid = _part(statistics.grid, corner * BRICK - halo, count * BRICK + 2 * halo)
+            # Bricks reach beyond the grid, its numbers do not: interpolation and walks look at cells of the rim.
+            shape = np.minimum(count * BRICK, np.array(statistics.grid.shape) - corner * BRICK)
+            grid = _part(statistics.grid, corner * BRICK - halo, shape + 2 * halo)
             values = np.asarray(function(statistics.window(grid)), np.float32)
-            inner = tuple(slice(halo, halo + int(n)) for n in count * BRICK)
-            origin = _part(statistics.grid, corner * BRICK, count * BRICK)
-            part = cls.from_dense(origin, values[inner], outside)
+            inner = tuple(slice(halo, halo + int(n)) for n in shape)
+            part = cls.from_dense(_part(statistics.grid, corner * BRICK, shape), values[inner], outside)
             own = np.stack(np.unravel_index(part.layout.bricks, part.layout.shape), -1) + corner
             bricks.append(np.ravel_multi_index(tuple(own.T), layout.shape))
             pools.append(part.pool[1:])

@@ -18,7 +18,6 @@ __all__ = ["accumulate_bricks", "accumulate_dense", "spatial_rays_in_map", "touc
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
 
-_SLABS_A_THREAD = 3  # so that a thread with an easy slab takes another
 _SAMPLES = 4096  # rays that tell where the work lies
 
 
@@ -117,7 +116,7 @@ def _walk(
     threads: int,
 ) -> None:
     low = np.array(grid.origin)
-    edges = _slabs(origins, directions, lengths, grid, _SLABS_A_THREAD * threads if threads > 1 else 1)
+    edges = _slabs(origins, directions, lengths, grid, threads)
 
     def walk(first: int, last: int) -> None:
         for slab in range(first, last):

@@ -121,7 +121,8 @@ def write_map(
         "left_out": json.dumps(statistics.left_out),
     }
     types = BRICK_ARRAYS if isinstance(statistics, BrickStatistics) else _ARRAYS
-    arrays = {name: _as_type(name, getattr(statistics, name), dtype) for name, dtype in types.items()}
+    source_arrays = statistics.cells if isinstance(statistics, BrickStatistics) else statistics
+    arrays = {name: _as_type(name, getattr(source_arrays, name), dtype) for name, dtype in types.items()}
     with atomic_path(path) as temporary, creating(temporary) as file:
         for name, text in texts.items():
             create_text(file, name, text)
@@ -131,7 +132,7 @@ def write_map(
         file.attrs["shape"] = np.array(grid.shape, np.int64)
         file.attrs["scans"] = np.int64(statistics.scans)
         if isinstance(statistics, BrickStatistics):
-            for name, count in zip(COUNTS, (len(statistics.bricks), len(statistics.local)), strict=True):
+            for name, count in zip(COUNTS, (len(statistics.cells.bricks), len(statistics.cells)), strict=True):
                 file.attrs[name] = np.int64(count)
         for name, values in arrays.items():
             create_array(file, name, values)
@@ -238,5 +239,5 @@ def _info(file: CheckedFile) -> MapInfo:
         raise file.refused(f"attribute 'created' is {created}, not in UTC")
     size = file.path.stat().st_size
     writer, scans = file.text("factorloc"), file.integer("scans")
-    memory = 18 * file.integer("cell_count") if kind == SPARSE_KIND else 16 * grid.cells
+    memory = 7 * file.integer("cell_count") + 520 * file.integer("brick_count") if kind == SPARSE_KIND else 16 * grid.cells
     return MapInfo(file.path, kind, version, writer, created, grid, scans, provenance, left_out, size, memory)

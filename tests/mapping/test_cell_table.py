@@ -74,18 +74,21 @@ def test_a_table_without_bricks_is_outside_all_over() -> None:
         assert table.nbytes == CELLS * 4 + 4 * 5 * 3 * 4
 
 
+def read_by_kernels(table: CellTable, cells: np.ndarray) -> np.ndarray:
+    """Numbers of cells (N, 3) within a brick of the grid, counted from the corner of the directory's rim."""
+    x, y, z = (cells + BRICK).T
+    stride_x, stride_y, stride_z = table.layout.strides
+    brick = table.layout.directory[(x >> 4) * stride_x + (y >> 4) * stride_y + (z >> 4) * stride_z]
+    return table.pool[brick, ((x & 15) << 8) + ((y & 15) << 4) + (z & 15)]
+
+
 @given(spatial_grids(), SEEDS)
 def test_the_directory_finds_every_cell_in_the_pool(grid, seed) -> None:
     rng = np.random.default_rng(seed)
     values = np.where(patchy(grid, rng, 2), rng.uniform(0, 9, grid.shape), OUTSIDE).astype(np.float32)
     table = CellTable.from_dense(grid, values, OUTSIDE)
-    # As the kernels do: from the corner of a rim of one brick.
     cells = everywhere(grid.shape, BRICK)[::3, ::3, ::3].reshape(-1, 3)
-    x, y, z = (cells + BRICK).T
-    stride_x, stride_y, stride_z = table.layout.strides
-    brick = table.layout.directory[(x >> 4) * stride_x + (y >> 4) * stride_y + (z >> 4) * stride_z]
-    found = table.pool[brick, ((x & 15) << 8) + ((y & 15) << 4) + (z & 15)]
-    assert np.array_equal(found, table.at(cells))
+    assert np.array_equal(read_by_kernels(table, cells), table.at(cells))
     keys = table.layout.keys(np.argwhere(values != OUTSIDE))
     assert np.array_equal(table.pool.ravel()[table.layout.places(keys)], values[values != OUTSIDE])
 
@@ -135,6 +138,9 @@ def test_neighbourhoods_do_not_end_where_chunks_do(monkeypatch, chunk, halo) -> 
 
         table = CellTable.from_neighbourhoods(BrickStatistics.from_dense(counts), watched, halo, OUTSIDE)
         assert np.array_equal(dense(table), function(counts))
+        # Nothing spreads over the border into what is left of its bricks.
+        rim = everywhere(grid.shape, 1).reshape(-1, 3)
+        assert np.array_equal(read_by_kernels(table, rim), table.at(rim))
         assert np.max(seen) <= chunk * BRICK + 2 * halo
         assert (np.diff(table.layout.bricks) > 0).all()
 

@@ -14,8 +14,8 @@ from factorloc.errors import MapError
 from factorloc.mapping import BrickStatistics, Grid, RayStatistics
 from factorloc.mapping.spatial_pyramid import SPATIAL_BLURS, SpatialLevel, SpatialPyramid, pooled
 
-GRID = Grid((-2.0, 1.0, 0.5), 0.2, (76, 70, 66))
-MIDDLE = (slice(34, 38), 33, 32)
+GRID = Grid((-2.0, 1.0, 0.5), 0.2, (80, 80, 80))
+MIDDLE = (slice(38, 42), 41, 40)
 
 
 def plank() -> RayStatistics:
@@ -76,7 +76,7 @@ def test_blur_spreads_hits_and_loses_none(blur, factor) -> None:
     inner = hits[far:-far, far:-far, far:-far]
     assert inner.sum() == pytest.approx(18, rel=1e-3)
     before = np.array([3, 9, 1, 5]) / 18
-    for axis, cells in enumerate((np.arange(34, 38), np.array([33]), np.array([32]))):
+    for axis, cells in enumerate((np.arange(38, 42), np.array([41]), np.array([40]))):
         weights = before if axis == 0 else np.ones(1)
         # Pooled first: the centre is that of the larger cells.
         x = cells // factor

@@ -23,6 +23,8 @@ from factorloc.mapping import BrickStatistics, Grid, RayStatistics
 from factorloc.mapping import brick_statistics as module
 from factorloc.mapping._spatial_traversal_kernels import accumulate_spatial
 from factorloc.mapping.bricks import BrickLayout
+from factorloc.mapping.packed_integers import PackedIntegers
+from factorloc.mapping.visited_cells import VisitedCells
 from factorloc.scan import RayStatus, Scan
 
 ARRAYS = ("hits", "misses", "path_fixed")
@@ -110,7 +112,9 @@ def test_order_and_parts_leave_no_trace(data: st.DataObject) -> None:
     whole = bricks(rays, grid)
     parts = BrickStatistics.merge([bricks(rays[cut:], grid), bricks(rays[:cut], grid)])
     assert same(parts, BrickStatistics.from_dense(dense(rays[:cut], grid) + dense(rays[cut:], grid)))
-    assert all(np.array_equal(getattr(whole, name), getattr(parts, name)) for name in (*ARRAYS, "bricks", "local"))
+    assert all(
+        np.array_equal(getattr(whole.cells, name), getattr(parts.cells, name)) for name in (*ARRAYS, "bricks", "local")
+    )
 
 
 @given(st.data())
@@ -155,6 +159,15 @@ def test_keys_name_cells(grid: Grid, seed: int) -> None:
     assert np.array_equal(layout.cells(layout.keys(cells)), cells)
 
 
+@given(st.lists(st.sampled_from([0, 1, 254, 255, 256, 70_000]), max_size=30), st.data())
+def test_packed_numbers_are_the_numbers(numbers: list[int], data: st.DataObject) -> None:
+    packed = PackedIntegers.pack(np.array(numbers, np.int64), np.uint8)
+    assert packed.unpack(np.int64).tolist() == numbers
+    rows = np.flatnonzero(data.draw(st.lists(st.booleans(), min_size=len(numbers), max_size=len(numbers))))
+    assert packed.take(rows).unpack(np.int64).tolist() == [numbers[row] for row in rows]
+    assert packed.narrow.itemsize == 1
+
+
 def test_scans_at_poses_of_a_moving_body() -> None:
     rng = np.random.default_rng(3)
     directions = rng.standard_normal((500, 3))
@@ -185,6 +198,7 @@ def test_what_does_not_fit_is_refused() -> None:
     with pytest.raises(MapError, match="none given"):
         BrickStatistics.merge([])
     with pytest.raises(MapError, match="damaged"):
-        BrickStatistics(
-            empty.grid, np.array([5]), np.array([0, 0]), *(np.zeros(0, t) for t in ("u2", "u4", "u4", "i8"))
-        )
+        VisitedCells.in_order(np.array([5]), np.array([0, 1]), *(np.zeros(0, t) for t in ("u2", "u4", "u4", "i8")))
+    cell = VisitedCells.of_keys(np.array([5 * 4096]), *(np.ones(1, t) for t in ("u4", "u4", "i8")))
+    with pytest.raises(MapError, match="none of the grid's"):
+        BrickStatistics(empty.grid, cell)
