@@ -20,7 +20,7 @@ from rich.table import Table
 
 from benchmarks.basin_competitors import REGISTER, Competitor, PointMap, Rivals, own
 from benchmarks.basin_picture import basin_picture
-from benchmarks.basin_scenes import DriveQueries, Scene, StreetQueries, drive_scene, street_scene
+from benchmarks.basin_scenes import DRIVE, STREET, DriveQueries, Scene, StreetQueries, drive_scene, street_scene
 from benchmarks.harness import Arguments, Benchmark, arguments, one_line_errors
 from benchmarks.starts import random_starts
 from benchmarks.timing import interleave, spread
@@ -33,7 +33,6 @@ from factorloc.localization import PreparedMap, register
 Array = npt.NDArray[np.float64]
 
 SETTINGS = Path(__file__).with_name("basin.json")
-STREET, DRIVE = "street", "0005"
 
 PREPARE, ALIGN, POSITION, ROTATION = (
     "preparing a scan",
@@ -145,7 +144,7 @@ def main(argv: list[str] | None = None) -> int:
         if name == DRIVE and given.data is None and len(given.options["scenes"]) > 1:
             facts[name] = "left out: no real data"
         else:
-            facts[name] = measure(bench, open_scene(name, given, settings), settings, given.threads)
+            facts[name] = measure(bench, open_scene(name, given, settings), settings)
     return bench.finish(given, basin_picture(bench.figures, [PREPARE, ALIGN]))
 
 
@@ -166,7 +165,7 @@ def open_scene(name: str, given: Arguments, settings: BasinSettings) -> Scene:
     raise MapError(f"scene {name}: unknown; take {STREET} or {DRIVE}")
 
 
-def measure(bench: Benchmark, scene: Scene, settings: BasinSettings, threads: int) -> dict[str, Any]:
+def measure(bench: Benchmark, scene: Scene, settings: BasinSettings) -> dict[str, Any]:
     """Add all figures and goals of a scene; return what it is made of."""
     prepared, points = PreparedMap.of(scene.statistics), PointMap(scene.points, settings.rivals)
     guesses = {
@@ -174,17 +173,17 @@ def measure(bench: Benchmark, scene: Scene, settings: BasinSettings, threads: in
                        np.random.default_rng([settings.seed, 2, k]))
         for k, offset in enumerate(dict.fromkeys([*settings.offsets, settings.judged]))
     }  # fmt: skip
-    for competitor in [*own(prepared), *points.rivals(threads)]:
+    for competitor in [*own(prepared), *points.rivals()]:
         add_outcomes(bench, f"{scene.name}, {competitor.name}", competitor, scene, guesses, settings)
     add_consistency(bench, f"{scene.name}, {REGISTER}", prepared, scene, guesses[settings.judged], settings)
-    add_times(bench, scene, [*own(prepared), *points.rivals(1)], guesses[settings.judged])
+    add_times(bench, scene, [*own(prepared), *points.rivals()], guesses[settings.judged])
     add_goals(bench, f"{scene.name}, {REGISTER}", settings.goals.get(scene.name, Goals()))
     return {
         "queries": len(scene),
         "poses are": scene.truth_is,
         "scans in the map": scene.statistics.scans,
         "rays in the map": len(scene.points),
-        "visited cells": len(scene.statistics.local),
+        "bytes of the map": scene.statistics.nbytes,
         "points in the map of the rivals": len(points),
         "information": prepared.information,
         "times": "each competitor on one thread",
@@ -199,13 +198,13 @@ def add_goals(bench: Benchmark, who: str, goals: Goals) -> None:
     ConfigError
         If a goal names no figure.
     """
-    bounds = [(name, {"least": bound}) for name, bound in goals.least.items()]
-    bounds += [(name, {"most": bound}) for name, bound in goals.most.items()]
-    for name, bound in bounds:
+    bounds = [(name, (np.inf, bound)) for name, bound in goals.least.items()]
+    bounds += [(name, (bound, -np.inf)) for name, bound in goals.most.items()]
+    for name, (most, least) in bounds:
         figure = f"{who}: {name}"
         if figure not in bench.figures:
             raise ConfigError(f"goals: there is no figure '{name}' of {who}")
-        bench.goal(figure, *bench.figures[figure], **bound)
+        bench.goal(figure, *bench.figures[figure], most, least)
 
 
 def add_outcomes(
@@ -230,7 +229,7 @@ def add_outcomes(
 
 def judge(found: Array, truth: Array, success: Sequence[float]) -> Outcome:
     """Compare poses with the true ones; what is not finite has not converged."""
-    finite = np.isfinite(found).all((1, 2))
+    finite = np.asarray(np.isfinite(found).all((1, 2)))
     error = se3.log(se3.between(truth, np.where(finite[:, None, None], found, truth)))
     position = np.where(finite, np.linalg.norm(found[:, :3, 3] - truth[:, :3, 3], axis=1), np.inf)
     rotation = np.where(finite, np.degrees(np.linalg.norm(error[:, :3], axis=1)), np.inf)

@@ -105,10 +105,10 @@ class PointMap:
     def __len__(self) -> int:
         return int(self.cloud.size())
 
-    def rivals(self, num_threads: int) -> list[Competitor]:
-        """All of them, on so many threads."""
+    def rivals(self) -> list[Competitor]:
+        """All of them, on one thread."""
         return [
-            Competitor(name, self._thinned, _chain([self._step(name, reach, num_threads) for reach in reaches]))
+            Competitor(name, self._thinned, _chain([self._step(name, reach) for reach in reaches]))
             for name, reaches in self.settings.reaches.items()
         ]
 
@@ -116,11 +116,11 @@ class PointMap:
         body = se3.transform(scan.T_body_sensor, scan.points())
         return small_gicp.preprocess_points(body, self.settings.sampling, self.settings.neighbours, 1)[0]
 
-    def _step(self, name: str, reach: float, num_threads: int) -> Align:
+    def _step(self, name: str, reach: float) -> Align:
         options = {
             "max_correspondence_distance": reach,
             "max_iterations": self.settings.max_iterations,
-            "num_threads": num_threads,
+            "num_threads": 1,
         }
         if name.startswith(_VOXELS):
             voxels = self.voxels[reach]

@@ -17,9 +17,12 @@ from factorloc.mapping import BrickStatistics
 from factorloc.scan import Scan
 from factorloc.simulation import SpatialRoute, StreetSettings, hdl_32e, simulate_drive, street_route, street_world
 
-__all__ = ["DriveQueries", "Scene", "StreetQueries", "drive_scene", "street_scene"]
+__all__ = ["DRIVE", "STREET", "DriveQueries", "Scene", "StreetQueries", "drive_scene", "street_scene"]
 
 Array = npt.NDArray[np.float64]
+
+STREET, DRIVE = "street", "0005"
+"""Names of the scenes."""
 
 
 class StreetQueries(Block):
@@ -126,7 +129,7 @@ def street_scene(settings: StreetQueries, resolution: float, seed: int, quick: b
     heading = rng.choice([0.0, np.pi], n) + rng.uniform(-reach, reach, n)
     truth = SpatialRoute(route).lift(world, np.stack([x, y, heading], -1))[:: 4 if quick else 1]
     scans = lidar.cast_many(world, truth, rng)
-    return _scene("street", "true", mapping.scans, mapping.truth.poses, scans, truth, resolution)
+    return _scene(STREET, "true", mapping.scans, mapping.truth.poses, scans, truth, resolution)
 
 
 def drive_scene(data: Path | None, settings: DriveQueries, resolution: float, quick: bool = False) -> Scene:
@@ -141,8 +144,8 @@ def drive_scene(data: Path | None, settings: DriveQueries, resolution: float, qu
     even, odd = frames.select(slice(0, None, 2)), frames.select(slice(1, None, 4 if quick else 2))
     draws = 1 if quick else settings.draws
     reference = "scan-to-map GICP of the same drive: a consistency figure, no error against truth"
-    return _scene("0005", reference, even.scans, even.poses, odd.scans * draws, np.tile(odd.poses, (draws, 1, 1)),
-                  resolution)  # fmt: skip
+    scans, truth = tuple(odd.scans) * draws, np.tile(odd.poses, (draws, 1, 1))
+    return _scene(DRIVE, reference, even.scans, even.poses, scans, truth, resolution)
 
 
 def _scene(

@@ -13,6 +13,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -112,9 +113,9 @@ def main(argv: list[str] | None = None) -> int:
     frames = read_frames(given.data, settings.range_limits).select(slice(given.options["frames"] or None))
     directions = min(2, settings.directions) if given.quick else settings.directions
     mapping, driving = frames.select(slice(0, None, 2)), frames.select(slice(1, None, 2))
-    facts = {"quick": given.quick, "directions taken": directions, "threads": given.threads}
+    facts: dict[str, Any] = {"quick": given.quick, "directions taken": directions, "threads": given.threads}
     facts |= {"scans in the map": len(mapping), "scans localized": len(driving)}
-    facts |= {"reference": "scan-to-map GICP of the same drive: consistency, no error against truth"}
+    facts["reference"] = "scan-to-map GICP of the same drive: consistency, no error against truth"
     localization = LocalizationSettings()
     bench = Benchmark("kitti0005", {**facts, **settings.model_dump(), "localization": localization.model_dump()})
     began = time.perf_counter()
@@ -172,10 +173,11 @@ def localize_from_around(
 
 
 def dead_reckoning(driving: KittiFrames, odometry: LidarOdometry) -> Trajectory:
-    """Chain motions from the first reference pose on."""
-    poses = [driving.poses[0]]
-    for motion in odometry.motions:
-        poses.append(se3.compose(poses[-1], motion))
+    """Chain motions from the first reference pose on; where one is not known, the one before goes on."""
+    poses, last = [driving.poses[0]], se3.identity()
+    for motion, known in zip(odometry.motions, odometry.known, strict=True):
+        last = motion if known else last
+        poses.append(se3.compose(poses[-1], last))
     return Trajectory(driving.reference.stamps, np.array(poses))
 
 

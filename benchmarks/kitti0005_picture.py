@@ -56,7 +56,7 @@ def drive_picture(statistics: BrickStatistics, paths: Mapping[str, Trajectory], 
     dress(position, ylabel="deviation (m)")
     dress(rotation, "time (s)", "deviation (°)")
     for axes in (position, rotation):
-        axes.set_yscale("log")
+        axes.set_ylim(bottom=0)
         axes.set_xlim(0, float(reference.stamps[-1] - reference.stamps[0]))
     position.tick_params(labelbottom=False)
     figure.align_ylabels([position, rotation])

@@ -145,7 +145,7 @@ def spatial_scene(
         "returns": len(returns.lengths),
         "grid": returns.grid.shape,
         "visited cells": len(returns.statistics.cells),
-        "bricks": len(returns.statistics.bricks),
+        "bricks": len(returns.statistics.cells.bricks),
     }
     rounds, memory = SPATIAL_ROUNDS[given.quick], spatial_memory(returns)
     goals = {"memory: bricks / dense": MOST_BRICKS} if log == STREET else {}
