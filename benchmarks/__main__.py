@@ -42,6 +42,8 @@ RUNS = {
     "solver": Run("solver"),
     "carmen-intel": Run("carmen", ("--log", "intel"), needs_data=True),
     "carmen-aces": Run("carmen", ("--log", "aces"), needs_data=True),
+    "basin": Run("basin"),
+    "kitti0005": Run("kitti0005", needs_data=True),
 }
 """Every published table and ratio, by the name of its files."""
 

@@ -16,14 +16,14 @@ Rates = npt.NDArray[np.float32]
 Strides = tuple[int, int, int]
 
 
-@kernel
+@kernel(allocates=False)
 def log_rate(directory: Directory, rates: Rates, strides: Strides, x: float, y: float, z: float) -> float:
     """Logarithm of the rate at a place, given in cells with the rim's corner at 0."""
     row, local = row_of(directory, int(x), int(y), strides[0], strides[1], 8, 4)
     return math.log(np.float64(rates[cell_of(directory, row, local, int(z), strides[2], 0)]))
 
 
-@kernel
+@kernel(allocates=False)
 def forward(
     origins: Array,
     directions: Array,
@@ -62,7 +62,7 @@ def forward(
         out[k] = end - integrate_spatial(directory, rates, strides, p_x, p_y, p_z, v_x, v_y, v_z, 0.0, length)
 
 
-@kernel
+@kernel(allocates=False)
 def gradient(
     origins: Array,
     directions: Array,

@@ -13,7 +13,7 @@ from factorloc.mapping._forward_kernels import integrate, walk_columns
 Array = npt.NDArray[np.float64]
 
 
-@kernel
+@kernel(allocates=False)
 def forward(
     rates: Array,
     log_rates: Array,
@@ -39,7 +39,7 @@ def forward(
         out[k] = log_rates[cell] - integrate(rates, stride, p_x, p_y, v_x, v_y, 0.0, length)
 
 
-@kernel
+@kernel(allocates=False)
 def gradient(
     rates: Array,
     log_rates: Array,

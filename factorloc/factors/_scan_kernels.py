@@ -22,7 +22,7 @@ DISTANCE_FIELD = 1
 LEAST_MARGIN = 0.05  # no ray gets more weight than at this distance from the least possible cost
 
 
-@kernel
+@kernel(allocates=False)
 def bilinear(values, stride, q_x, q_y):
     """Interpolate between cell centres: value and its derivatives by the cell coordinates.
 
@@ -42,7 +42,7 @@ def bilinear(values, stride, q_x, q_y):
     return low + u * (high - low), high - low, (1.0 - u) * (f_01 - f_00) + u * (f_11 - f_10)
 
 
-@kernel
+@kernel(allocates=False)
 def hybrid_nll(rates, log_rates, shape, outside, log_outside, p_x, p_y, v_x, v_y, length, inverse, want_gradient):
     """Hybrid negative log-likelihood of one ray: exact integral minus interpolated log rate at the end.
 
@@ -103,7 +103,7 @@ def hybrid_nll(rates, log_rates, shape, outside, log_outside, p_x, p_y, v_x, v_y
     return value, g_x, g_y, m_x, m_y
 
 
-@kernel
+@kernel(allocates=False)
 def decay_ray(primary, secondary, numbers, log_outside, shape, p_x, p_y, d_x, d_y, length, inverse, want_gradient):
     """Hybrid NLL of one ray with the weight of its outer product: value, origin and direction derivatives, weight."""
     value, g_x, g_y, m_x, m_y = hybrid_nll(
@@ -113,7 +113,7 @@ def decay_ray(primary, secondary, numbers, log_outside, shape, p_x, p_y, d_x, d_
     return value, g_x, g_y, m_x, m_y, 0.5 / max(value - numbers[1], LEAST_MARGIN)
 
 
-@kernel
+@kernel(allocates=False)
 def field_ray(field, numbers, shape, p_x, p_y, d_x, d_y, length, inverse):
     """Huber cost of one end point's distance; returns as :func:`decay_ray`."""
     n_x, n_y = shape
@@ -138,7 +138,7 @@ def field_ray(field, numbers, shape, p_x, p_y, d_x, d_y, length, inverse):
     return value, g_x, g_y, length * g_x, length * g_y, weight
 
 
-@kernel
+@kernel(allocates=False)
 def scan_cost(
     model, pose, origins, directions, lengths, first, last, primary, secondary, numbers, shape, low, resolution,
     information, want_gradient, gradient, hessian,
@@ -194,7 +194,7 @@ def scan_cost(
     return information * cost
 
 
-@kernel
+@kernel(allocates=False)
 def scan_batch(
     model, poses, scan_of_pose, origins, directions, lengths, offsets, primary, secondary, numbers, shape, low,
     resolution, information, want_gradient, costs, gradients, hessians,

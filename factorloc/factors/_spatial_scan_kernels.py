@@ -27,7 +27,7 @@ MODEL, START, STRIDE_X, STRIDE_Y, SIZE_X, SIZE_Y, SIZE_Z, RESOLUTION, OUTSIDE, P
 COLUMNS = 11
 
 
-@kernel
+@kernel(allocates=False)
 def number_of(directory, values, stride_x, stride_y, x, y, z):
     """Number of a cell; coordinates count from the corner of the rim of bricks."""
     place = np.uint64((x >> 4) * stride_x + (y >> 4) * stride_y + (z >> 4))
@@ -35,7 +35,7 @@ def number_of(directory, values, stride_x, stride_y, x, y, z):
     return np.float64(values[np.uint64((np.int64(directory[place]) << 12) + cell)])
 
 
-@kernel
+@kernel(allocates=False)
 def trilinear(directory, values, stride_x, stride_y, q_x, q_y, q_z):
     """Interpolate between cell centres: value and its derivatives by the cell coordinates.
 
@@ -68,7 +68,7 @@ def trilinear(directory, values, stride_x, stride_y, q_x, q_y, q_z):
     return f_0 + u * (f_1 - f_0), f_1 - f_0, by_y, by_z
 
 
-@kernel
+@kernel(allocates=False)
 def decay_ray(directory, primary, secondary, level, p_x, p_y, p_z, d_x, d_y, d_z, length, want_gradient):
     """Hybrid negative log-likelihood of one ray: exact integral minus interpolated log rate at the end.
 
@@ -153,7 +153,7 @@ def decay_ray(directory, primary, secondary, level, p_x, p_y, p_z, d_x, d_y, d_z
     return value, g_x, g_y, g_z, m_x, m_y, m_z, 0.5 / max(value - level[PARAMETER_A], LEAST_MARGIN)
 
 
-@kernel
+@kernel(allocates=False)
 def field_ray(directory, primary, level, p_x, p_y, p_z, d_x, d_y, d_z, length):
     """Huber cost of one end point's distance; arguments and returns as :func:`decay_ray`."""
     inverse = 1.0 / level[RESOLUTION]
@@ -266,7 +266,7 @@ def spatial_scan_cost(
     return information * cost
 
 
-@kernel
+@kernel(allocates=False)
 def spatial_scan_batch(
     poses, scan_of_pose, origins, directions, lengths, offsets, low, directory, primary, secondary, level,
     information, want_gradient, costs, gradients, hessians,

@@ -21,9 +21,9 @@ class ScanCosts:
     ----------
     cost : ndarray, shape (N,)
         Negative log-likelihoods; they may be negative.
-    gradient : ndarray, shape (N, 3)
+    gradient : ndarray, shape (N, 3), or (N, 6) in space
         First derivatives.
-    hessian : ndarray, shape (N, 3, 3)
+    hessian : ndarray, shape (N, 3, 3), or (N, 6, 6) in space
         Gauss-Newton approximation of the second derivatives, positive semi-definite.
     """
 

@@ -10,14 +10,14 @@ from factorloc.factors._scan_kernels import scan_cost
 _MOST_DAMPING = 1e20  # a matrix that needs more than this is none
 
 
-@kernel
+@kernel(allocates=False)
 def copy_vector(source, target):
     """Copy three numbers; a slice assignment takes a second longer to compile."""
     for i in range(3):
         target[i] = source[i]
 
 
-@kernel
+@kernel(allocates=False)
 def copy_matrix(source, target):
     """Copy three by three numbers."""
     for i in range(3):
@@ -25,7 +25,7 @@ def copy_matrix(source, target):
             target[i, j] = source[i, j]
 
 
-@kernel
+@kernel(allocates=False)
 def solve_damped(hessian, gradient, damping, step):
     """Solve ``(H + damping diag(H)) step = -gradient`` by Cholesky; false if the matrix is not positive."""
     d_0 = hessian[0, 0] * (1.0 + damping) + 1e-9
@@ -54,7 +54,7 @@ def solve_damped(hessian, gradient, damping, step):
     return True
 
 
-@kernel
+@kernel(allocates=False)
 def move(pose, step, scale, out):
     """Write ``pose * exp(scale * step)``."""
     angle = scale * step[2]
@@ -74,7 +74,7 @@ def move(pose, step, scale, out):
     out[2] = theta - 2.0 * math.pi * math.floor((theta + math.pi) / (2.0 * math.pi))
 
 
-@kernel
+@kernel(allocates=False)
 def add_prior(pose, mean, world, gradient, hessian):
     """Add a Gaussian prior, quadratic in world coordinates, to derivatives in the tangent space; return its cost."""
     w_00 = world[0, 0]
@@ -180,7 +180,7 @@ def descend(
     return cost, trials, converged
 
 
-@kernel
+@kernel(allocates=False)
 def register_batch(
     model, poses, scan_of_pose, origins, directions, lengths, offsets, primary, secondary, numbers, blurs, levels,
     shape, low, resolution, information, mean, world, limits, costs, hessians, trials, converged,

@@ -7,10 +7,11 @@ import numpy as np
 from factorloc._jit import kernel
 from factorloc.factors._spatial_scan_kernels import spatial_scan_cost
 
+_LEAST_GAIN = 1e-5  # of the cost, which grows with the rays
 _MOST_DAMPING = 1e20  # a matrix that needs more than this is none
 
 
-@kernel
+@kernel(allocates=False)
 def solve_damped_spatial(hessian, gradient, damping, root, step):
     """Solve ``(H + damping diag(H)) step = -gradient`` by Cholesky; false if the matrix is not positive."""
     n = gradient.shape[0]
@@ -40,7 +41,7 @@ def solve_damped_spatial(hessian, gradient, damping, root, step):
     return True
 
 
-@kernel
+@kernel(allocates=False)
 def move_spatial(pose, step, scale, turn, out):
     """Write ``pose * exp(scale * step)``, with ``step = [omega, v]``; ``turn`` (3, 3) is scratch."""
     o_x = scale * step[0]
@@ -85,7 +86,7 @@ def move_spatial(pose, step, scale, turn, out):
     out[3, 3] = 1.0
 
 
-@kernel
+@kernel(allocates=False)
 def add_spatial_prior(pose, mean, information, gradient, hessian, r, J):
     """Add a Gaussian prior to derivatives in the tangent space of the body; return its cost.
 
@@ -114,9 +115,8 @@ def add_spatial_prior(pose, mean, information, gradient, hessian, r, J):
     r[0] = scale * s_x
     r[1] = scale * s_y
     r[2] = scale * s_z
-    if (
-        sine <= 1e-9 and angle > 1.0
-    ):  # half a turn has no skew part: R = 2 a a' - I, columns of R + I lie along the axis
+    if sine <= 1e-9 and angle > 1.0:
+        # Half a turn has no skew part: R = 2 a a' - I, and the columns of R + I lie along the axis.
         k = 0
         for i in range(1, 3):
             if J[3 + i, 3 + i] > J[3 + k, 3 + k]:
@@ -150,7 +150,7 @@ def add_spatial_prior(pose, mean, information, gradient, hessian, r, J):
     return cost
 
 
-@kernel
+@kernel(allocates=False)
 def copy_square(source, target):
     """Copy a matrix; a slice assignment takes a second longer to compile."""
     for i in range(source.shape[0]):
@@ -224,7 +224,9 @@ def descend_spatial(
                 trials += 1
                 damping = max(0.1 * damping, 1e-7) if gain > 0.0 else 10.0 * damping
                 # Refused or not, a step this short has nowhere left to go.
-                if (translation < least and rotation < 0.1 * least) or 0.0 < gain < limits[3]:
+                if (translation < least and rotation < 0.1 * least) or 0.0 < gain < max(
+                    limits[3], _LEAST_GAIN * abs(cost)
+                ):
                     converged = True
                     break
             while damping < _MOST_DAMPING and not solve_damped_spatial(hessian, gradient, damping, root, step):
@@ -238,7 +240,7 @@ def descend_spatial(
     return cost, trials, converged
 
 
-@kernel
+@kernel(allocates=False)
 def register_spatial_batch(
     poses, scan_of_pose, origins, directions, lengths, offsets, low, directory, primary, secondary, numbers, blurs,
     levels, information, mean, prior, limits, costs, hessians, trials, converged,

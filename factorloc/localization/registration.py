@@ -40,7 +40,7 @@ class RegistrationSettings(Block):
     max_translation, max_rotation : float
         Longest step, m and rad.
     tolerance : float
-        A level ends when an accepted step lowers the cost by less.
+        A level ends when an accepted step lowers the cost by less; in space also by less than 1e-5 of it.
     least_translation : float
         A level ends when a step is shorter, m, and turns by less than half as many radians; on a blurred level, when it
         is shorter than a hundredth of the blur.
@@ -130,7 +130,7 @@ def register_many(
     spatial = isinstance(term, SpatialScanTerm)
     poses = group_of(3 if spatial else 2).as_poses(guesses, "guesses")
     if poses.ndim != (3 if spatial else 2):
-        raise GeometryError(f"guesses: shape {poses.shape}; expected one pose a row")
+        raise GeometryError(f"guesses: shape {poses.shape}; expected rows, one pose each")
     n = len(poses)
     scan = np.zeros(n, np.int64) if scan_of_guess is None else np.ascontiguousarray(scan_of_guess, np.int64)
     if scan.shape != (n,) or (n and not 0 <= scan.min() <= scan.max() < term.scans):

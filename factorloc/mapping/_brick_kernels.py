@@ -5,7 +5,7 @@ from factorloc._jit import exact_kernel
 _HIT = 2**32
 
 
-@exact_kernel
+@exact_kernel(allocates=False)
 def count_visited(pool, counts):
     """Count the cells of each brick that some ray left anything in.
 
@@ -24,7 +24,7 @@ def count_visited(pool, counts):
         counts[b] = count
 
 
-@exact_kernel
+@exact_kernel(allocates=False)
 def gather_visited(pool, offsets, locals_out, hits_out, misses_out, path_out):
     """Write the visited cells of each brick one after the other, from ``offsets`` (B + 1,) on."""
     for b in range(offsets.shape[0] - 1):
@@ -40,7 +40,7 @@ def gather_visited(pool, offsets, locals_out, hits_out, misses_out, path_out):
                 to += 1
 
 
-@exact_kernel
+@exact_kernel(allocates=False)
 def merge_sorted(keys_a, keys_b, from_a, from_b):
     """Merge two increasing lists of keys; equal ones become one.
 

@@ -25,7 +25,7 @@ _STEEPEST = 1.0 - 2.0**-36  # cells/column; a ray at 45 degrees, from corner to 
 _PARALLEL_TO_AXIS = 1e-9  # cells/m; a ray this close to an axis crosses no line it does not lie on
 
 
-@kernel(inline=True)
+@kernel(allocates=False, inline=True)
 def walk_columns(rates, stride, p_x, p_y, v_x, v_y, t_in, t_out):
     """Integral of the decay rate between two ray parameters inside the grid, and its jumps at the lines crossed.
 
@@ -112,13 +112,13 @@ def walk_columns(rates, stride, p_x, p_y, v_x, v_y, t_in, t_out):
     return total, jump_b, jump_a, moment_b, moment_a
 
 
-@kernel
+@kernel(allocates=False)
 def integrate(rates, stride, p_x, p_y, v_x, v_y, t_in, t_out):
     """Integral of :func:`walk_columns` alone; the compiler drops the rest."""
     return walk_columns(rates, stride, p_x, p_y, v_x, v_y, t_in, t_out)[0]
 
 
-@kernel
+@kernel(allocates=False)
 def decay_log_likelihoods(
     rates, log_rates, shape, outside, log_outside, low, resolution, origins, directions, lengths, status, limits, out
 ):
@@ -179,7 +179,7 @@ def decay_log_likelihoods(
             out[k] = log_rate - integral
 
 
-@kernel
+@kernel(allocates=False)
 def posterior_log_likelihoods(
     shapes, paths, shape, prior_shape, prior_path, low, resolution, origins, directions, lengths, status, limits, out
 ):

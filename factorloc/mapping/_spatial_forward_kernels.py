@@ -20,7 +20,7 @@ _STEEPEST = 1.0 - 2.0**-36  # cells/layer; a ray along a diagonal skips no cell 
 _PARALLEL_TO_AXIS = 1e-9  # cells/m; a ray this close to a plane crosses no line it does not lie on
 
 
-@kernel(inline=True)
+@kernel(allocates=False, inline=True)
 def cell_of(directory, row, local, b, stride_b, shift_b):
     """Address of the cell ``b`` of a row along the second axis."""
     # An unsigned index need not be asked whether it counts from the end.
@@ -30,7 +30,7 @@ def cell_of(directory, row, local, b, stride_b, shift_b):
     return np.uint64((brick << 12) + local + ((b & 15) << shift_b))
 
 
-@kernel(inline=True)
+@kernel(allocates=False, inline=True)
 def row_of(directory, i, c, stride_a, stride_c, shift_a, shift_c):
     """Where a row begins: in the directory, and in the array or a brick."""
     if directory is None:
@@ -38,7 +38,7 @@ def row_of(directory, i, c, stride_a, stride_c, shift_a, shift_c):
     return (i >> 4) * stride_a + (c >> 4) * stride_c, ((i & 15) << shift_a) + ((c & 15) << shift_c)
 
 
-@kernel(inline=True)
+@kernel(allocates=False, inline=True)
 def walk_layers(directory, rates, strides, p_x, p_y, p_z, v_x, v_y, v_z, t_in, t_out):
     """Integral of the decay rate between two ray parameters inside the grid, and its jumps at the planes crossed.
 
@@ -121,6 +121,7 @@ def walk_layers(directory, rates, strides, p_x, p_y, p_z, v_x, v_y, v_z, t_in, t
     change_c = 0.0
     piece_c = 0.0
     moment_c = 0.0
+    t_exit = t_first
     for k in range(1, layers + 1):
         y += slope
         below = np.floor(y)
@@ -130,7 +131,7 @@ def walk_layers(directory, rates, strides, p_x, p_y, p_z, v_x, v_y, v_z, t_in, t
         rate_b = np.float64(rates[out])
         change = rate_b - rate
         rest = y - max(line, below)
-        t_exit = t_first + k * pace
+        t_exit += pace
         if t_exit > t_c:
             rest_c = t_exit - t_c
             row, local = row_of(directory, i, c + step_c, s_a, s_c, h_a, h_c)
@@ -202,7 +203,7 @@ def walk_layers(directory, rates, strides, p_x, p_y, p_z, v_x, v_y, v_z, t_in, t
     return total, jump_b, jump_c, jump_a, moment_b, moment_c, moment_a
 
 
-@kernel
+@kernel(allocates=False)
 def integrate_spatial(directory, rates, strides, p_x, p_y, p_z, v_x, v_y, v_z, t_in, t_out):
     """Integral of :func:`walk_layers` alone; the compiler drops the rest."""
     return walk_layers(directory, rates, strides, p_x, p_y, p_z, v_x, v_y, v_z, t_in, t_out)[0]

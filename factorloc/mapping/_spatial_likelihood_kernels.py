@@ -13,7 +13,7 @@ from factorloc.mapping._spatial_forward_kernels import integrate_spatial
 from factorloc.mapping._spatial_traversal_kernels import address, clip_axis
 
 
-@kernel
+@kernel(allocates=False)
 def spatial_decay_log_likelihoods(
     directory, rates, log_rates, strides, rim, shape, outside, log_outside, low, resolution, origins, directions,
     lengths, status, limits, out,
@@ -85,7 +85,7 @@ def spatial_decay_log_likelihoods(
             out[k] = log_rate - integral
 
 
-@kernel
+@kernel(allocates=False)
 def spatial_posterior_log_likelihoods(
     directory, shapes, paths, strides, shape, prior_shape, prior_path, low, resolution, origins, directions, lengths,
     status, limits, out,

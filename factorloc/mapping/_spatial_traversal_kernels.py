@@ -21,7 +21,7 @@ BRICK = 16
 _HIT = 2**32  # a hit, in the integer whose lower half counts misses
 
 
-@exact_kernel
+@exact_kernel(allocates=False)
 def clip_axis(p, v, n, t_in, t_out):
     """Shorten the part (t_in, t_out) of a ray to where one coordinate lies in [0, n]; empty if t_in > t_out."""
     if v != 0.0:
@@ -33,7 +33,7 @@ def clip_axis(p, v, n, t_in, t_out):
     return t_in, t_out
 
 
-@exact_kernel
+@exact_kernel(allocates=False)
 def cell_at(p, v, i_v, start, end, t):
     """Cell along one axis once every line up to ``t`` is crossed, by the very numbers the walk compares."""
     if start == end:
@@ -52,7 +52,7 @@ def cell_at(p, v, i_v, start, end, t):
     return i
 
 
-@exact_kernel
+@exact_kernel(allocates=False)
 def address(i_x, i_y, i_z, stride_x, stride_y, directory):
     """Place of a cell in the pool: of a dense grid with rim, or of bricks."""
     if directory is None:
@@ -61,7 +61,7 @@ def address(i_x, i_y, i_z, stride_x, stride_y, directory):
     return (brick << 12) + ((i_x & 15) << 8) + ((i_y & 15) << 4) + (i_z & 15)
 
 
-@exact_kernel
+@exact_kernel(allocates=False)
 def accumulate_spatial(
     origins, directions, lengths, is_return, first_x, last_x, low, resolution, shape, directory, path_visits
 ):

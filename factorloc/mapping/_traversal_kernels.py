@@ -18,7 +18,7 @@ FIXED_POINT = 2**20
 _HIT = 2**32  # a hit, in the integer whose lower half counts misses
 
 
-@exact_kernel
+@exact_kernel(allocates=False)
 def clip_ray(p_x, p_y, v_x, v_y, length, n_x, n_y):
     """Part of a ray inside [0, n_x] x [0, n_y] (cell units): parameters (t_in, t_out), empty if t_in > t_out."""
     t_in = 0.0
@@ -40,7 +40,7 @@ def clip_ray(p_x, p_y, v_x, v_y, length, n_x, n_y):
     return t_in, t_out
 
 
-@exact_kernel
+@exact_kernel(allocates=False)
 def accumulate(origins, directions, lengths, is_return, first, last, low, resolution, shape, path_visits):
     """Walk the rays ``first:last`` through a planar grid.
 
@@ -129,7 +129,7 @@ def accumulate(origins, directions, lengths, is_return, first, last, low, resolu
             path_visits[cell, 1] += 1
 
 
-@exact_kernel
+@exact_kernel(allocates=False)
 def add_private(path_visits, shape, first, last, hits_out, misses_out, path_out):
     """Add what threads accumulated privately to the rows ``first:last`` of the statistics.
 

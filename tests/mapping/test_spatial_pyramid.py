@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from ray_cases import SEEDS, counted
 from scipy.ndimage import gaussian_filter
@@ -32,7 +32,7 @@ def dense(level: SpatialLevel) -> np.ndarray:
 
 @st.composite
 def maps(draw: st.DrawFn) -> RayStatistics:
-    grid = draw(spatial_grids(24))
+    grid = draw(spatial_grids(20))
     rng = np.random.default_rng(draw(SEEDS))
     path = np.where(rng.uniform(size=grid.shape) < 0.3, rng.choice([0.25, 1.0, 9.0], grid.shape), 0.0)
     hits = np.where(path > 0, rng.choice([0, 0, 1, 7], grid.shape), 0)
@@ -40,6 +40,7 @@ def maps(draw: st.DrawFn) -> RayStatistics:
     return counted(grid, hits, path)
 
 
+@settings(max_examples=30)
 @given(maps())
 def test_without_blur_only_the_mean_is_mixed_in(counts) -> None:
     h, R = counts.grid.resolution, counts.path_lengths
