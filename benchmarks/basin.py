@@ -41,7 +41,7 @@ PREPARE, ALIGN, POSITION, ROTATION = (
     "median rotation error",
 )
 CONSISTENT, BARE = "NEES per degree of freedom, as reported", "NEES per degree of freedom, Hessian alone"
-COLUMNS = {PREPARE: "prepare ms", ALIGN: "register ms", POSITION: "error mm", ROTATION: "deg"}
+COLUMNS = {PREPARE: "prepare\nms", ALIGN: "align\nms", POSITION: "error\nmm", ROTATION: "\ndeg"}
 
 
 class Goals(Block):
@@ -97,16 +97,18 @@ class BasinBenchmark(Benchmark):
 
     def _figure_table(self) -> Table:
         reached = list(dict.fromkeys(name.split(": ")[1] for name in self.figures if ": success from " in name))
-        short = {name: name.removeprefix("success from ").replace(", ", "\n") for name in reached}
-        table = Table("scene", "competitor", title=f"{self.name} (success in %)", title_justify="left")
-        for header in [*COLUMNS.values(), *short.values(), "NEES", "bare"]:
+        short = {name: name.removeprefix("success from ").replace(", ", "\n").replace(" deg", "°") for name in reached}
+        table = Table(title=f"{self.name} (share converged by offset of the start in %)", title_justify="left")
+        table.add_column("competitor", no_wrap=True)
+        for header in [*COLUMNS.values(), *short.values(), "NEES", "NEES\nbare"]:
             table.add_column(header, justify="right")
         scenes = list(dict.fromkeys(name.split(", ", 1)[0] for name in self.figures))
         for scene in scenes:
+            table.add_row(f"[bold]{scene}[/bold]")
             mine = [name.split(": ")[0] for name in self.figures if name.startswith(f"{scene}, ")]
             for who in dict.fromkeys(mine):
                 cells = [self._cell(f"{who}: {name}") for name in (*COLUMNS, *reached, CONSISTENT, BARE)]
-                table.add_row(scene, who.split(", ", 1)[1], *cells)
+                table.add_row(who.split(", ", 1)[1], *cells)
             table.add_section()
         return table
 

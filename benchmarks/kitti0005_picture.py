@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = ["drive_picture"]
 
+_LEAST = 1e-3  # m and deg; lower end of the deviations shown
 _AROUND = 25.0  # m of the map around the paths
 
 
@@ -56,7 +57,8 @@ def drive_picture(statistics: BrickStatistics, paths: Mapping[str, Trajectory], 
     dress(position, ylabel="deviation (m)")
     dress(rotation, "time (s)", "deviation (°)")
     for axes in (position, rotation):
-        axes.set_ylim(bottom=0)
+        axes.set_yscale("log")
+        axes.set_ylim(bottom=_LEAST)  # the odometry begins at the reference
         axes.set_xlim(0, float(reference.stamps[-1] - reference.stamps[0]))
     position.tick_params(labelbottom=False)
     figure.align_ylabels([position, rotation])

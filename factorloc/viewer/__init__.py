@@ -8,16 +8,19 @@ from factorloc.viewer.cost_plot import plot_cost_history
 from factorloc.viewer.error_plot import TimedErrors, plot_errors_over_time
 from factorloc.viewer.figure_file import FIGURE_KINDS, save_figure
 from factorloc.viewer.map_plots import plot_error_coloured_path, plot_map_and_trajectories
+from factorloc.viewer.scan_plot import View, plot_scan
 from factorloc.viewer.viewer import NullViewer, Viewer
 
 __all__ = [
     "FIGURE_KINDS",
     "NullViewer",
     "TimedErrors",
+    "View",
     "Viewer",
     "plot_cost_history",
     "plot_error_coloured_path",
     "plot_errors_over_time",
     "plot_map_and_trajectories",
+    "plot_scan",
     "save_figure",
 ]

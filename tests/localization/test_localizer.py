@@ -32,7 +32,7 @@ def test_it_is_tracking_and_then_smoothing(office, localization, tracked, smooth
 
 def test_the_error_of_the_map_is_added_to_every_covariance(office, localization, tracked, smoothed) -> None:
     settings = LocalizationSettings()
-    floor = np.diag([settings.map_position**2, settings.map_position**2, settings.map_heading**2])
+    floor = np.diag([settings.map_position**2, settings.map_position**2, 0.003**2])
     pairs = [(localization.tracked, tracked), (localization.smoothed, smoothed)]
     for ours, bare in pairs:
         assert ours.trajectory.covariances == pytest.approx(bare.trajectory.covariances + floor, rel=1e-6)
