@@ -231,8 +231,8 @@ def planar_memory(returns: Returns) -> dict[str, tuple[float, str]]:
     """What a cell takes: in a map at rest, in the private grid of a thread, and in a level of the forward model."""
     statistics, cells = returns.statistics, returns.statistics.grid.cells
     at_rest = statistics.hits.nbytes + statistics.misses.nbytes + statistics.path_fixed.nbytes
-    # Path length is one 64-bit integer, misses and hits share another.
-    private = (returns.shape[0] + 2) * returns.stride * 2 * np.int64().nbytes
+    # Path length and misses share a 64-bit integer; hits have 32 bits.
+    private = (returns.shape[0] + 2) * returns.stride * 12
     return {
         "memory: map at rest": (at_rest / cells, "bytes/cell"),
         "memory: private grid of a thread": (private / cells, "bytes/cell"),

@@ -19,10 +19,10 @@ from benchmarks.reference import CompiledReference
 from benchmarks.spatial_returns import SpatialReturns
 from benchmarks.walks import ACCUMULATION, FORWARD, GRADIENT, Walk
 from factorloc._jit import in_threads
-from factorloc.mapping._traversal_kernels import FIXED_POINT
+from factorloc.mapping._traversal_kernels import FIXED_POINT, MISS_BITS
 from factorloc.mapping.bricks import BRICK, CELLS, BrickLayout
 from factorloc.mapping.grid import require_memory
-from factorloc.mapping.spatial_accumulation import _walk, accumulate_bricks, accumulate_dense, touched_bricks
+from factorloc.mapping.spatial_accumulation import accumulate_bricks, accumulate_dense, touched_bricks, walk_spatial
 
 __all__ = ["BYTES_AT_REST", "BYTES_A_CELL", "NEW_ARRAYS", "all_spatial_walks"]
 
@@ -32,13 +32,13 @@ Index = npt.NDArray[np.int64]
 BYTES_AT_REST = 16
 """Bytes a cell of a dense map: hits and misses in 4 each, the path length in 8."""
 
-BYTES_A_CELL = 44
-"""Bytes a cell of all dense arrays in memory at a time: the references share 8, kept and new statistics take 16 each,
+BYTES_A_CELL = 36
+"""Bytes a cell of all dense arrays in memory at a time: the references share 8, kept and new statistics take 12 each,
 rates 4."""
 
 NEW_ARRAYS = "accumulation, new arrays"
 
-_HIT_BITS = 32  # visits count misses below and hits above
+Packed = tuple[Index, npt.NDArray[np.uint32]]
 _PLAIN, _CPP = "plain numba", "plain C++"
 _DENSE, _BRICKS = "factorloc", "factorloc bricks"
 
@@ -121,13 +121,13 @@ class _Kept:
     def __init__(self, returns: SpatialReturns) -> None:
         self._rays, self._grid = _all_return(returns), returns.grid
         self._layout = touched_bricks(*self._rays, self._grid, 1)
-        self._dense = np.zeros((returns.dense_size, 2), np.int64)
-        self._pool = np.zeros(((len(self._layout.bricks) + 1) * CELLS, 2), np.int64)
+        self._dense = _zeros(returns.dense_size)
+        self._pool = _zeros((len(self._layout.bricks) + 1) * CELLS)
         self._dense_cells, self._places = returns.dense_cells, _places(returns, self._layout)
 
     def dense(self, threads: int, goals: Mapping[str, float]) -> Walk:
         """Walk the dense grid."""
-        run = partial(_walk, *self._rays, self._grid, None, self._dense, threads)
+        run = partial(walk_spatial, *self._rays, self._grid, None, *self._dense, threads)
         return self._competitor(_DENSE, run, self._dense, self._dense_cells, threads, goals)
 
     def bricks(self, threads: int, goals: Mapping[str, float]) -> Walk:
@@ -135,16 +135,17 @@ class _Kept:
 
         def run() -> None:
             layout = touched_bricks(*self._rays, self._grid, threads)
-            _walk(*self._rays, self._grid, layout.directory, self._pool, threads)
+            walk_spatial(*self._rays, self._grid, layout.directory, *self._pool, threads)
 
         return self._competitor(_BRICKS, run, self._pool, self._places, threads, goals)
 
     @staticmethod
     def _competitor(
-        layout: str, run: Callable[[], None], kept: Index, cells: Index, threads: int, goals: Mapping[str, float]
+        layout: str, run: Callable[[], None], kept: Packed, cells: Index, threads: int, goals: Mapping[str, float]
     ) -> Walk:
         def results() -> tuple[Array, ...]:
-            kept[:] = 0
+            for array in kept:
+                array[:] = 0
             run()
             return _statistics(kept, (cells,))
 
@@ -156,7 +157,7 @@ def _new_arrays(returns: SpatialReturns, threads: int) -> list[Walk]:
     rays, grid, keys = _all_return(returns), returns.grid, returns.statistics.keys
     dense = partial(accumulate_dense, *rays, grid, threads)
 
-    def bricks() -> Index:
+    def bricks() -> Packed:
         return accumulate_bricks(*rays, touched_bricks(*rays, grid, threads), threads)
 
     def dense_results() -> tuple[Array, ...]:
@@ -164,7 +165,8 @@ def _new_arrays(returns: SpatialReturns, threads: int) -> list[Walk]:
 
     def brick_results() -> tuple[Array, ...]:
         places = _places(returns, touched_bricks(*rays, grid, threads))
-        return _statistics(bricks().reshape(-1, 2), (places,))
+        walked, hits = bricks()
+        return _statistics((walked.ravel(), hits.ravel()), (places,))
 
     return [
         Walk(NEW_ARRAYS, _label(_DENSE, threads), dense, dense_results, threads),
@@ -182,9 +184,13 @@ def _places(returns: SpatialReturns, layout: BrickLayout) -> Index:
     return np.where(np.isin(keys // CELLS, layout.bricks), layout.places(keys), 0)
 
 
-def _statistics(path_visits: Index, cells: tuple[Index, ...]) -> tuple[Array, ...]:
+def _zeros(cells: int) -> Packed:
+    return np.zeros(cells, np.int64), np.zeros(cells, np.uint32)
+
+
+def _statistics(packed: Packed, cells: tuple[Index, ...]) -> tuple[Array, ...]:
     """Path lengths and hits in the visited cells of the map; and in all cells together, that none are elsewhere."""
-    path, hits = path_visits[..., 0], path_visits[..., 1] >> _HIT_BITS
+    path, hits = packed[0] >> MISS_BITS, packed[1]
     totals = np.array([path.sum()]) / FIXED_POINT, np.array([hits.sum()], np.float64)
     return path[cells] / FIXED_POINT, hits[cells].astype(np.float64), *totals
 

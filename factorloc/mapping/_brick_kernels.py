@@ -1,42 +1,41 @@
 """Kernels on cells sorted by key: gathered from pools of bricks, and merged."""
 
 from factorloc._jit import exact_kernel
+from factorloc.mapping._traversal_kernels import MISS_BITS
 
-_HIT = 2**32
 
 
 @exact_kernel(allocates=False)
-def count_visited(pool, counts):
+def count_visited(walked, hits, counts):
     """Count the cells of each brick that some ray left anything in.
 
     Parameters
     ----------
-    pool : (B + 1, cells, 2) int64
-        Path length and visits; the first brick is spare.
+    walked, hits : (B + 1, cells) int64 and uint32
+        As the walk leaves them; the first brick is spare.
     counts : (B,) int64
         Written.
     """
     for b in range(counts.shape[0]):
         count = 0
-        for cell in range(pool.shape[1]):
-            if pool[b + 1, cell, 0] != 0 or pool[b + 1, cell, 1] != 0:
+        for cell in range(walked.shape[1]):
+            if walked[b + 1, cell] != 0 or hits[b + 1, cell] != 0:
                 count += 1
         counts[b] = count
 
 
 @exact_kernel(allocates=False)
-def gather_visited(pool, offsets, locals_out, hits_out, misses_out, path_out):
+def gather_visited(walked, hits, offsets, locals_out, hits_out, misses_out, path_out):
     """Write the visited cells of each brick one after the other, from ``offsets`` (B + 1,) on."""
     for b in range(offsets.shape[0] - 1):
         to = offsets[b]
-        for cell in range(pool.shape[1]):
-            path = pool[b + 1, cell, 0]
-            visits = pool[b + 1, cell, 1]
-            if path != 0 or visits != 0:
+        for cell in range(walked.shape[1]):
+            value = walked[b + 1, cell]
+            if value != 0 or hits[b + 1, cell] != 0:
                 locals_out[to] = cell
-                hits_out[to] = visits // _HIT
-                misses_out[to] = visits % _HIT
-                path_out[to] = path
+                hits_out[to] = hits[b + 1, cell]
+                misses_out[to] = value & (2**MISS_BITS - 1)
+                path_out[to] = value >> MISS_BITS
                 to += 1
 
 

@@ -13,12 +13,10 @@ the number 0 where there is none: a spare brick that nobody reads.
 import math
 
 from factorloc._jit import exact_kernel
-from factorloc.mapping._traversal_kernels import FIXED_POINT
+from factorloc.mapping._traversal_kernels import FIXED_POINT, MISS_BITS
 
 BRICK = 16
 """Cells along an edge of a brick."""
-
-_HIT = 2**32  # a hit, in the integer whose lower half counts misses
 
 
 @exact_kernel(allocates=False)
@@ -63,7 +61,7 @@ def address(i_x, i_y, i_z, stride_x, stride_y, directory):
 
 @exact_kernel(allocates=False)
 def accumulate_spatial(
-    origins, directions, lengths, is_return, first_x, last_x, low, resolution, shape, directory, path_visits
+    origins, directions, lengths, is_return, first_x, last_x, low, resolution, shape, directory, walked, hits
 ):
     """Walk all rays through the cells ``first_x <= x < last_x`` of a spatial grid.
 
@@ -85,8 +83,10 @@ def accumulate_spatial(
         Cells along x, y and z.
     directory : None or int32, flat
         None for a dense grid; else the brick of every place, with a rim of one brick.
-    path_visits : (cells, 2) int64
-        Path length (fixed point) and visits of each cell, misses in the lower 32 bits and hits above. Added to.
+    walked : (cells,) int64
+        Path length (fixed point) of each cell above its misses in the lower 22 bits. Added to.
+    hits : (cells,) uint32
+        Added to.
     """
     n_x, n_y, n_z = shape
     if directory is None:
@@ -181,8 +181,7 @@ def accumulate_spatial(
             if t_x < t_y and t_x < t_z:
                 here = int(min(t_x, t_out) * FIXED_POINT)
                 if here > before:
-                    path_visits[cell, 0] += here - before
-                    path_visits[cell, 1] += 1
+                    walked[cell] += ((here - before) << MISS_BITS) + 1
                     before = here
                 line_x += step_x
                 t_x = (line_x - p_x) * i_v_x
@@ -194,8 +193,7 @@ def accumulate_spatial(
             elif t_y < t_z:
                 here = int(min(t_y, t_out) * FIXED_POINT)
                 if here > before:
-                    path_visits[cell, 0] += here - before
-                    path_visits[cell, 1] += 1
+                    walked[cell] += ((here - before) << MISS_BITS) + 1
                     before = here
                 line_y += step_y
                 t_y = (line_y - p_y) * i_v_y
@@ -207,8 +205,7 @@ def accumulate_spatial(
             else:
                 here = int(min(t_z, t_out) * FIXED_POINT)
                 if here > before:
-                    path_visits[cell, 0] += here - before
-                    path_visits[cell, 1] += 1
+                    walked[cell] += ((here - before) << MISS_BITS) + 1
                     before = here
                 line_z += step_z
                 t_z = (line_z - p_z) * i_v_z
@@ -220,8 +217,7 @@ def accumulate_spatial(
         cell = address(e_x, e_y, e_z, stride_x, stride_y, directory)
         here = int(t_out * FIXED_POINT)
         if ends_here and not leaves:
-            path_visits[cell, 0] += max(here - before, 0)
-            path_visits[cell, 1] += _HIT
+            walked[cell] += max(here - before, 0) << MISS_BITS
+            hits[cell] += 1
         elif here > before:
-            path_visits[cell, 0] += here - before
-            path_visits[cell, 1] += 1
+            walked[cell] += ((here - before) << MISS_BITS) + 1

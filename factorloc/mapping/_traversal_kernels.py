@@ -15,7 +15,11 @@ from factorloc._jit import exact_kernel
 FIXED_POINT = 2**20
 """Units of path length per metre."""
 
-_HIT = 2**32  # a hit, in the integer whose lower half counts misses
+MISS_BITS = 22
+"""While rays are walked, one integer of a cell holds its misses, in so many bits, and its path length above them."""
+
+MOST_RAYS = 2**21
+"""Rays that may be walked before misses or path lengths could overflow (in cells of up to half a metre)."""
 
 
 @exact_kernel(allocates=False)
@@ -41,7 +45,7 @@ def clip_ray(p_x, p_y, v_x, v_y, length, n_x, n_y):
 
 
 @exact_kernel(allocates=False)
-def accumulate(origins, directions, lengths, is_return, first, last, low, resolution, shape, path_visits):
+def accumulate(origins, directions, lengths, is_return, first, last, low, resolution, shape, walked, hits):
     """Walk the rays ``first:last`` through a planar grid.
 
     Parameters
@@ -58,9 +62,11 @@ def accumulate(origins, directions, lengths, is_return, first, last, low, resolu
         Edge length of a cell, m.
     shape : (int, int)
         Cells along x and y.
-    path_visits : ((n_x + 2) * (n_y + 2), 2) int64
-        Path length (fixed point) and visits of each cell, misses in the lower 32 bits and hits above, side by side in
-        memory; with a rim of one cell that keeps rounding at the border inside the array. Added to.
+    walked : ((n_x + 2) * (n_y + 2),) int64
+        Path length (fixed point) of each cell above its misses in the lower 22 bits: one integer to add to, for a walk
+        is bound by memory. With a rim of one cell that keeps rounding at the border inside the array. Added to.
+    hits : ((n_x + 2) * (n_y + 2),) uint32
+        Added to.
     """
     n_x, n_y = shape
     width = n_y + 2
@@ -105,8 +111,7 @@ def accumulate(origins, directions, lengths, is_return, first, last, low, resolu
             if t_x < t_y:
                 here = int(min(t_x, t_out) * FIXED_POINT)
                 if here > before:
-                    path_visits[cell, 0] += here - before
-                    path_visits[cell, 1] += 1
+                    walked[cell] += ((here - before) << MISS_BITS) + 1
                     before = here
                 cell += stride_x
                 line_x += step_x
@@ -114,44 +119,41 @@ def accumulate(origins, directions, lengths, is_return, first, last, low, resolu
             else:
                 here = int(min(t_y, t_out) * FIXED_POINT)
                 if here > before:
-                    path_visits[cell, 0] += here - before
-                    path_visits[cell, 1] += 1
+                    walked[cell] += ((here - before) << MISS_BITS) + 1
                     before = here
                 cell += stride_y
                 line_y += step_y
                 t_y = (line_y - p_y) * i_v_y
         cell = (e_x + 1) * width + e_y + 1
         here = int(t_out * FIXED_POINT)
-        path_visits[cell, 0] += max(here - before, 0)
+        walked[cell] += max(here - before, 0) << MISS_BITS
         if ends_here:
-            path_visits[cell, 1] += _HIT
+            hits[cell] += 1
         elif here > before:
-            path_visits[cell, 1] += 1
+            walked[cell] += 1
 
 
 @exact_kernel(allocates=False)
-def add_private(path_visits, shape, first, last, hits_out, misses_out, path_out):
-    """Add what threads accumulated privately to the rows ``first:last`` of the statistics.
+def add_private(walked, hits, shape, hits_out, misses_out, path_out):
+    """Add what threads accumulated privately to the statistics.
 
     Parameters
     ----------
-    path_visits : (blocks, cells with rim, 2) int64
-        As :func:`accumulate` leaves it.
+    walked, hits : (threads, cells with rim) int64 and uint32
+        As :func:`accumulate` leaves them.
     shape : (int, int)
-    first, last : int
-        Rows along x.
     hits_out, misses_out : (n_x, n_y) uint32
         Added to.
     path_out : (n_x, n_y) int64
         Added to.
     """
-    n_y = shape[1]
-    for i in range(first, last):
-        for b in range(path_visits.shape[0]):
+    n_x, n_y = shape
+    for i in range(n_x):
+        for b in range(walked.shape[0]):
             cell = (i + 1) * (n_y + 2) + 1
             for j in range(n_y):
-                path_out[i, j] += path_visits[b, cell, 0]
-                visits = path_visits[b, cell, 1]
-                misses_out[i, j] += visits % _HIT
-                hits_out[i, j] += visits // _HIT
+                value = walked[b, cell]
+                path_out[i, j] += value >> MISS_BITS
+                misses_out[i, j] += value & (2**MISS_BITS - 1)
+                hits_out[i, j] += hits[b, cell]
                 cell += 1

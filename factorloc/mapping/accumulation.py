@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -10,14 +12,14 @@ import numpy.typing as npt
 from factorloc import _jit
 from factorloc.errors import MapError
 from factorloc.geometry import se2
-from factorloc.mapping._traversal_kernels import accumulate, add_private
+from factorloc.mapping._traversal_kernels import MOST_RAYS, accumulate, add_private
 from factorloc.rays import Rays
 
 __all__ = ["BYTES_A_THREAD", "accumulate_rays", "rays_in_map"]
 
 Array = npt.NDArray[np.float64]
 
-BYTES_A_THREAD = 16
+BYTES_A_THREAD = 12
 """Memory a thread needs for each cell while rays are added."""
 
 _PARTS_A_THREAD = 8  # so that a thread with short rays takes more of them
@@ -71,16 +73,23 @@ def accumulate_rays(
     neither the number of threads nor who took which part leaves a trace. Arguments as
     :func:`factorloc.mapping._traversal_kernels.accumulate`.
     """
-    private = np.zeros((threads, (shape[0] + 2) * (shape[1] + 2), 2), np.int64)
-    count = _PARTS_A_THREAD * threads if threads > 1 else 1
-    edges = [len(lengths) * part // count for part in range(count + 1)]
-    waiting = iter(itertools.pairwise(edges))  # taking the next is one step of the interpreter: no part is taken twice
+    private = np.zeros((threads, (shape[0] + 2) * (shape[1] + 2)), np.int64)
+    private_hits = np.zeros(private.shape, np.uint32)
 
-    def walk(first: int, last: int) -> None:
-        for own in private[first:last]:
+    def walk(waiting: Iterator[tuple[int, int]], first: int, last: int) -> None:
+        for own, own_hits in zip(private[first:last], private_hits[first:last], strict=True):
             for part in waiting:
-                accumulate(origins, directions, lengths, is_return, *part, low, resolution, shape, own)
+                accumulate(
+                    origins, directions, lengths, is_return, *part, low, resolution, shape, own, own_hits
+                )  # fmt: skip
 
-    _jit.in_threads(walk, threads)
-    # Bound by memory: a second thread would not make it faster.
-    add_private(private, shape, 0, shape[0], hits, misses, path)
+    for begin in range(0, len(lengths), MOST_RAYS):
+        stop = min(begin + MOST_RAYS, len(lengths))
+        if begin:
+            private[:], private_hits[:] = 0, 0
+        count = _PARTS_A_THREAD * threads if threads > 1 else 1
+        edges = [begin + (stop - begin) * part // count for part in range(count + 1)]
+        waiting = iter(itertools.pairwise(edges))  # to take the next is one step of the interpreter: none is taken twice
+        _jit.in_threads(partial(walk, waiting), threads)
+        # Bound by memory: a second thread would not make it faster.
+        add_private(private, private_hits, shape, hits, misses, path)

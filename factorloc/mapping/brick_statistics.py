@@ -16,7 +16,7 @@ from factorloc.mapping._brick_kernels import count_visited, gather_visited
 from factorloc.mapping.bricks import BRICK, CELLS, BrickLayout
 from factorloc.mapping.grid import Grid, require_memory
 from factorloc.mapping.ray_statistics import RayStatistics, add_counts, grid_of_scans, scan_blocks
-from factorloc.mapping.spatial_accumulation import accumulate_bricks, spatial_rays_in_map, touched_bricks
+from factorloc.mapping.spatial_accumulation import accumulate_bricks, most_rays, spatial_rays_in_map, touched_bricks
 from factorloc.mapping.visited_cells import VisitedCells
 from factorloc.rays import Rays
 from factorloc.scan import RayStatus, Scan
@@ -26,7 +26,7 @@ __all__ = ["BrickStatistics"]
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
 
-_MOST_BRICKS = 4096  # in a pool while rays are added: 256 MiB
+_MOST_BRICKS = 4096  # in a pool while rays are added: 192 MiB
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class BrickStatistics:
     What :class:`~factorloc.mapping.ray_statistics.RayStatistics` holds for every cell, this holds for those that some
     ray has met, brick by brick and sorted. The numbers are the same to the last bit; they are packed, as a hit or a
     miss is rarely one of many. While rays are added, the bricks they meet are laid out in full, at most 4096 of them
-    at a time (256 MiB): a map grows by streaming.
+    at a time (192 MiB): a map grows by streaming.
 
     Parameters
     ----------
@@ -169,22 +169,22 @@ class BrickStatistics:
     def _walk(
         self, origins: Array, directions: Array, lengths: Array, is_return: npt.NDArray[np.bool_]
     ) -> BrickStatistics:
-        """Statistics of these rays alone; so many rays that they meet too many bricks are halved."""
+        """Statistics of these rays alone; too many, or so many that they meet too many bricks, are halved."""
         threads = _jit.threads()
         layout = touched_bricks(origins, directions, lengths, is_return, self.grid, threads)
-        if len(layout.bricks) > _MOST_BRICKS and len(lengths) > 1:
+        if (len(layout.bricks) > _MOST_BRICKS and len(lengths) > 1) or len(lengths) > most_rays(self.grid):
             half = len(lengths) // 2
             one = self._walk(origins[:half], directions[:half], lengths[:half], is_return[:half])
             return one + self._walk(origins[half:], directions[half:], lengths[half:], is_return[half:])
-        require_memory((len(layout.bricks) + 1) * CELLS * 16, f"{len(layout.bricks)} bricks of cells")
-        pool = accumulate_bricks(origins, directions, lengths, is_return, layout, threads)
+        require_memory((len(layout.bricks) + 1) * CELLS * 12, f"{len(layout.bricks)} bricks of cells")
+        walked, ends = accumulate_bricks(origins, directions, lengths, is_return, layout, threads)
         counts = np.empty(len(layout.bricks), np.int64)
-        count_visited(pool, counts)
+        count_visited(walked, ends, counts)
         offsets = np.concatenate([[0], np.cumsum(counts)])
         v = int(offsets[-1])
         local, hits, misses = np.empty(v, np.uint16), np.empty(v, np.uint32), np.empty(v, np.uint32)
         path = np.empty(v, np.int64)
-        gather_visited(pool, offsets, local, hits, misses, path)
+        gather_visited(walked, ends, offsets, local, hits, misses, path)
         some = counts > 0
         offsets = np.concatenate([[0], np.cumsum(counts[some])])
         return BrickStatistics(

@@ -9,15 +9,24 @@ from factorloc import _jit
 from factorloc.errors import MapError
 from factorloc.geometry import se3
 from factorloc.mapping._spatial_traversal_kernels import BRICK, accumulate_spatial
+from factorloc.mapping._traversal_kernels import FIXED_POINT, MOST_RAYS
 from factorloc.mapping.bricks import CELLS, BrickLayout
 from factorloc.mapping.grid import Grid
 from factorloc.rays import Rays
 
-__all__ = ["accumulate_bricks", "accumulate_dense", "spatial_rays_in_map", "touched_bricks"]
+__all__ = [
+    "accumulate_bricks",
+    "accumulate_dense",
+    "most_rays",
+    "spatial_rays_in_map",
+    "touched_bricks",
+    "walk_spatial",
+]
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
 
+_SLABS_A_THREAD = 2  # smaller ones stay in the cache, but every ray is looked at by each
 _SAMPLES = 4096  # rays that tell where the work lies
 
 
@@ -56,20 +65,27 @@ def spatial_rays_in_map(rays: Rays, poses: npt.ArrayLike) -> tuple[Array, Array]
 
 def accumulate_dense(
     origins: Array, directions: Array, lengths: Array, is_return: npt.NDArray[np.bool_], grid: Grid, threads: int
-) -> Index:
+) -> tuple[Index, npt.NDArray[np.uint32]]:
     """Walk rays through a dense spatial grid.
 
-    Arguments as :func:`factorloc.mapping._spatial_traversal_kernels.accumulate_spatial`.
+    Arguments as :func:`factorloc.mapping._spatial_traversal_kernels.accumulate_spatial`; at most
+    :func:`most_rays`.
 
     Returns
     -------
-    ndarray of int64, shape ``(*grid.shape, 2)``
-        Path length and visits of each cell (misses in the lower 32 bits, hits above).
+    walked : ndarray of int64, shape ``grid.shape``
+        Path length of each cell above its misses in the lower 22 bits.
+    hits : ndarray of uint32, shape ``grid.shape``
     """
     rim = tuple(n + 2 for n in grid.shape)
-    path_visits = np.zeros((*rim, 2), np.int64)
-    _walk(origins, directions, lengths, is_return, grid, None, path_visits.reshape(-1, 2), threads)
-    return path_visits[1:-1, 1:-1, 1:-1]
+    walked, hits = np.zeros(rim, np.int64), np.zeros(rim, np.uint32)
+    walk_spatial(origins, directions, lengths, is_return, grid, None, walked.ravel(), hits.ravel(), threads)
+    return walked[1:-1, 1:-1, 1:-1], hits[1:-1, 1:-1, 1:-1]
+
+
+def most_rays(grid: Grid) -> int:
+    """Rays that may be walked at a time before misses or path lengths of a cell could overflow."""
+    return max(1, min(MOST_RAYS, int(2**41 / (2.0 * grid.resolution * FIXED_POINT))))
 
 
 def touched_bricks(
@@ -77,12 +93,13 @@ def touched_bricks(
 ) -> BrickLayout:
     """Find the bricks that rays meet, by walking a grid whose cells are bricks.
 
-    Its planes are among those of the fine grid, and crossed in the same order: no ray meets another brick.
+    Its planes are among those of the fine grid, and crossed in the same order: no ray meets another brick. Path lengths
+    may overflow here; the bits of misses and hits cannot.
     """
     layout = BrickLayout(grid, np.zeros(0, np.int64))
     coarse = Grid(grid.origin, grid.resolution * BRICK, layout.shape, grid.frame)
-    met = accumulate_dense(origins, directions, lengths, is_return, coarse, threads)
-    return BrickLayout(grid, np.flatnonzero(met.reshape(-1, 2).any(1)))
+    walked, hits = accumulate_dense(origins, directions, lengths, is_return, coarse, threads)
+    return BrickLayout(grid, np.flatnonzero((walked != 0) | (hits != 0)))
 
 
 def accumulate_bricks(
@@ -92,37 +109,44 @@ def accumulate_bricks(
     is_return: npt.NDArray[np.bool_],
     layout: BrickLayout,
     threads: int,
-) -> Index:
-    """Walk rays through bricks.
+) -> tuple[Index, npt.NDArray[np.uint32]]:
+    """Walk rays through bricks, at most :func:`most_rays`.
 
     Returns
     -------
-    ndarray of int64, shape ``(bricks + 1, 4096, 2)``
-        Path length and visits of each cell; the first brick is spare.
+    walked : ndarray of int64, shape ``(bricks + 1, 4096)``
+        Path length of each cell above its misses in the lower 22 bits; the first brick is spare.
+    hits : ndarray of uint32, shape ``(bricks + 1, 4096)``
     """
-    pool = np.zeros((len(layout.bricks) + 1, CELLS, 2), np.int64)
-    _walk(origins, directions, lengths, is_return, layout.grid, layout.directory, pool.reshape(-1, 2), threads)
-    return pool
+    shape = (len(layout.bricks) + 1, CELLS)
+    walked, hits = np.zeros(shape, np.int64), np.zeros(shape, np.uint32)
+    directory = layout.directory
+    walk_spatial(
+        origins, directions, lengths, is_return, layout.grid, directory, walked.ravel(), hits.ravel(), threads
+    )
+    return walked, hits
 
 
-def _walk(
+def walk_spatial(
     origins: Array,
     directions: Array,
     lengths: Array,
     is_return: npt.NDArray[np.bool_],
     grid: Grid,
     directory: npt.NDArray[np.int32] | None,
-    path_visits: Index,
+    walked: Index,
+    hits: npt.NDArray[np.uint32],
     threads: int,
 ) -> None:
+    """Walk rays through arrays that are there, in threads that own slabs of them; arguments as the kernel's."""
     low = np.array(grid.origin)
-    edges = _slabs(origins, directions, lengths, grid, threads)
+    edges = _slabs(origins, directions, lengths, grid, _SLABS_A_THREAD * threads if threads > 1 else 1)
 
     def walk(first: int, last: int) -> None:
         for slab in range(first, last):
             accumulate_spatial(
                 origins, directions, lengths, is_return, edges[slab], edges[slab + 1], low, grid.resolution,
-                grid.shape, directory, path_visits,
+                grid.shape, directory, walked, hits,
             )  # fmt: skip
 
     _jit.in_threads(walk, len(edges) - 1)

@@ -87,7 +87,7 @@ def test_a_grid_too_large_is_refused_before_it_is_made(drive: SpatialDrive, monk
     monkeypatch.setattr(spatial_walks, "require_memory", refuse)
     with pytest.raises(MapError, match="dense grid"):
         all_spatial_walks(returns, None, 1)
-    assert asked == [44 * returns.dense_size]
+    assert asked == [spatial_walks.BYTES_A_CELL * returns.dense_size]
 
 
 def test_a_scene_has_figures_goals_and_bars(drive: SpatialDrive, monkeypatch: pytest.MonkeyPatch) -> None:

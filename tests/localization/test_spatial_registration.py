@@ -201,7 +201,7 @@ def test_a_prepared_map_in_space() -> None:
     assert prepared.levels.blurs == (4.0, 1.0, 0.5, 0.25, 0.0)
     assert prepared.quick_levels == [0, 2, 3, 4]
     assert prepared.information == 0.5
-    assert prepared.floor == pytest.approx(np.diag([0.003] * 3 + [0.02] * 3) ** 2)
+    assert prepared.floor == pytest.approx(np.diag([0.001] * 3 + [0.02] * 3) ** 2)
     term = prepared.term(room().scans[:2])
     assert isinstance(term, SpatialScanTerm)
     assert (term.scans, term.information) == (2, 0.5)

@@ -61,6 +61,17 @@ def test_a_region_is_the_window_of_the_whole(tmp_path: Path, street, low, size) 
     assert same(part, street.crop(grid))
 
 
+def test_the_layout_is_the_documented_one(tmp_path: Path, street) -> None:
+    write_map(tmp_path / "map.h5", street)
+    page = (Path(__file__).parents[2] / "docs" / "formats.md").read_text(encoding="utf-8")
+    sparse = page.partition("### Sparse maps")[2].partition("### ")[0]
+    rows = [line.split("|")[1:3] for line in sparse.splitlines() if line.startswith("| `")]
+    documented = {name: kind.strip() for names, kind in rows for name in names.split("`")[1::2]}
+    with h5py.File(tmp_path / "map.h5") as file:
+        assert documented == {name: str(file[name].dtype) for name in file}
+        assert all(file[name].fletcher32 for name in file)
+
+
 def damage(path: Path, name: str, change) -> None:
     with h5py.File(path, "r+") as file:
         values = file[name][()]

@@ -21,6 +21,7 @@ from spatial_cases import (
 from factorloc.errors import MapError
 from factorloc.mapping import BrickStatistics, Grid, RayStatistics
 from factorloc.mapping import brick_statistics as module
+from factorloc.mapping import ray_statistics
 from factorloc.mapping._spatial_traversal_kernels import accumulate_spatial
 from factorloc.mapping.bricks import BrickLayout
 from factorloc.mapping.packed_integers import PackedIntegers
@@ -94,14 +95,15 @@ def test_slabs_leave_no_trace(data: st.DataObject, cuts: list[int]) -> None:
     block = packed_spatial(rays)
     is_return = block.status == RayStatus.RETURN
     rim = np.prod([n + 2 for n in grid.shape])
-    whole, parts = np.zeros((rim, 2), np.int64), np.zeros((rim, 2), np.int64)
+    whole, parts = ((np.zeros(rim, np.int64), np.zeros(rim, np.uint32)) for _ in range(2))
     edges = sorted({0, *(min(cut, grid.shape[0]) for cut in cuts), grid.shape[0]})
     walk = (block.origins, block.directions, block.ranges, is_return)
     where = (np.array(grid.origin), grid.resolution, grid.shape, None)
-    accumulate_spatial(*walk, 0, grid.shape[0], *where, whole)
+    accumulate_spatial(*walk, 0, grid.shape[0], *where, *whole)
     for first, last in pairwise(edges):
-        accumulate_spatial(*walk, first, last, *where, parts)
-    assert np.array_equal(whole, parts)
+        accumulate_spatial(*walk, first, last, *where, *parts)
+    assert np.array_equal(whole[0], parts[0])
+    assert np.array_equal(whole[1], parts[1])
 
 
 @given(st.data())
@@ -125,6 +127,19 @@ def test_a_pool_too_small_is_filled_in_parts(data: st.DataObject) -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "_MOST_BRICKS", 2)
         assert same(bricks(rays, grid), whole)
+
+
+@given(st.data())
+def test_blocks_of_rays_leave_no_trace(data: st.DataObject) -> None:
+    grid = data.draw(spatial_grids(20))
+    rays = data.draw(spatial_rays(grid, 6))
+    whole, sparse = dense(rays, grid), bricks(rays, grid)
+    few = data.draw(st.integers(1, 6))
+    with pytest.MonkeyPatch.context() as patch:
+        for where in (module, ray_statistics):
+            patch.setattr(where, "most_rays", lambda grid: few)
+        assert same(dense(rays, grid), whole)
+        assert same(bricks(rays, grid), sparse)
 
 
 @given(st.data())
