@@ -41,6 +41,7 @@ NEW_ARRAYS = "accumulation, new arrays"
 Packed = tuple[Index, npt.NDArray[np.uint32]]
 _PLAIN, _CPP = "plain numba", "plain C++"
 _DENSE, _BRICKS = "factorloc", "factorloc bricks"
+_BRICKS_TO_DENSE = 1.6
 
 
 def all_spatial_walks(returns: SpatialReturns, reference: CompiledReference | None, threads: int) -> list[Walk]:
@@ -67,7 +68,7 @@ def all_spatial_walks(returns: SpatialReturns, reference: CompiledReference | No
     walks = [
         _plain_accumulation(_PLAIN, plain_accumulate, returns, shared),
         kept.dense(1, {cpp: 1.6}),
-        kept.bricks(1, {dense: 1.6}),
+        kept.bricks(1, {dense: _BRICKS_TO_DENSE}),
         *_new_arrays(returns, 1),
         _plain_likelihoods(FORWARD, plain_forward, returns),
         *_likelihoods(FORWARD, forward, returns, 1, {plain: 0.8}),
@@ -204,12 +205,15 @@ def _plain_likelihoods(kind: str, kernel: Callable[..., None], returns: SpatialR
 def _likelihoods(
     kind: str, kernel: Callable[..., None], returns: SpatialReturns, threads: int, goals: Mapping[str, float]
 ) -> list[Walk]:
-    """Through the dense grid, and through bricks."""
+    """Through the dense grid, with its goals, and through bricks, which may take so many times what the grid takes."""
     dense = (None, returns.dense_rates, returns.strides, 1.0)
     bricks = (returns.layout.directory, returns.brick_rates, returns.layout.strides, float(BRICK))
     return [
-        _likelihood(kind, _label(layout, threads), kernel, returns, model, threads, goals)
-        for layout, model in ((_DENSE, dense), (_BRICKS, bricks))
+        _likelihood(kind, _label(layout, threads), kernel, returns, model, threads, wanted)
+        for layout, model, wanted in (
+            (_DENSE, dense, goals),
+            (_BRICKS, bricks, {f"{kind}: {_label(_DENSE, threads)}": _BRICKS_TO_DENSE} if goals else {}),
+        )
     ]
 
 
