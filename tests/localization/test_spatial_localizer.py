@@ -57,7 +57,7 @@ def test_covariances_are_sane(localization) -> None:
         assert covariances == pytest.approx(covariances.swapaxes(1, 2))
         sigmas = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
         assert np.linalg.eigvalsh(covariances).min() > 0
-        assert (sigmas[:, :3] >= 0.003).all()
+        assert (sigmas[:, :3] >= 0.001).all()
         assert (sigmas[:, 3:] >= 0.02).all(), "no surer than the map"
         assert (sigmas[:, :3] < np.radians(1)).all()
         assert (sigmas[:, 3:] < 0.05).all()
