@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
+from benchmarks.kitti_frames import read_frames
 from factorloc.config import Block, read_config
 from factorloc.errors import DataError
 from factorloc.mapping import BrickStatistics, Grid
@@ -185,13 +185,8 @@ def load_spatial_drive(data: Path | None, log: str) -> SpatialDrive:
         return _street()
     if log != DRIVE_0005 or data is None:
         raise DataError(f"drive {log}: {'no real data' if log == DRIVE_0005 else 'unknown'}; give --log {STREET}")
-    folder = data / "kitti_raw_0005"
-    packed = _arrays(folder / "frames_every3_full.npz", "x", "y", "z", "scale", "count", "frame")
-    T_first_velo = _arrays(folder / "reference_poses.npz", "T_velo0_velo")["T_velo0_velo"]
-    points = np.stack([packed[axis] * float(packed["scale"]) for axis in "xyz"], -1)
-    clouds = np.split(points, np.cumsum(packed["count"])[:-1])[::2]
-    scans = tuple(Scan.from_points(cloud, (_MINIMUM_RANGE, RANGE), frame="velo") for cloud in clouds)
-    poses = T_first_velo[packed["frame"][::2]]
+    frames = read_frames(data, (_MINIMUM_RANGE, RANGE))
+    scans, poses = frames.scans[::2], frames.poses[::2].copy()
     poses[:, :3, 3] += _OFF_THE_RASTER
     return SpatialDrive("KITTI raw 2011-09-26, drive 0005, every sixth frame", scans, poses)
 
@@ -225,11 +220,3 @@ def _street() -> SpatialDrive:
         period=settings.period,
     )
     return SpatialDrive("simulated street", drive.scans, drive.truth.poses)
-
-
-def _arrays(path: Path, *names: str) -> dict[str, npt.NDArray[Any]]:
-    try:
-        with np.load(path) as packed:
-            return {name: packed[name] for name in names}
-    except (OSError, ValueError, KeyError) as error:
-        raise DataError(f"{path}: cannot be read ({error})") from error
