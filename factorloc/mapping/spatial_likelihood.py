@@ -25,10 +25,9 @@ def decay_log_likelihood(
     directions: Array,
 ) -> Array:  # fmt: skip
     """Log-likelihood of each ray under decay rates of the cells (1/m; of the visited ones in a sparse map)."""
-    with np.errstate(divide="ignore"):
-        log_rates, log_outside = np.log(rates), float(np.log(outside))
     directory, strides, table = _laid_out(statistics, rates, outside)
-    _, _, log_table = _laid_out(statistics, log_rates, log_outside)
+    with np.errstate(divide="ignore"):
+        log_table, log_outside = np.log(table), float(np.log(outside))
     out = np.empty(len(scan))
     spatial_decay_log_likelihoods(
         directory, table, log_table, strides, 1.0 if directory is None else float(BRICK), statistics.grid.shape,
