@@ -8,19 +8,12 @@ import numpy as np
 import numpy.typing as npt
 
 from factorloc._jit import kernel
-from factorloc.mapping._spatial_forward_kernels import cell_of, integrate_spatial, row_of, walk_layers
+from factorloc.mapping._spatial_forward_kernels import walk_layers
 
 Array = npt.NDArray[np.float64]
 Directory = npt.NDArray[np.int32] | None
 Rates = npt.NDArray[np.float32]
 Strides = tuple[int, int, int]
-
-
-@kernel(allocates=False)
-def log_rate(directory: Directory, rates: Rates, strides: Strides, x: float, y: float, z: float) -> float:
-    """Logarithm of the rate at a place, given in cells with the rim's corner at 0."""
-    row, local = row_of(directory, int(x), int(y), strides[0], strides[1], 8, 4)
-    return math.log(np.float64(rates[cell_of(directory, row, local, int(z), strides[2], 0)]))
 
 
 @kernel(allocates=False)
@@ -57,9 +50,8 @@ def forward(
         v_x = directions[k, 0] * inverse
         v_y = directions[k, 1] * inverse
         v_z = directions[k, 2] * inverse
-        length = lengths[k]
-        end = log_rate(directory, rates, strides, p_x + v_x * length, p_y + v_y * length, p_z + v_z * length)
-        out[k] = end - integrate_spatial(directory, rates, strides, p_x, p_y, p_z, v_x, v_y, v_z, 0.0, length)
+        walked = walk_layers(directory, rates, strides, p_x, p_y, p_z, v_x, v_y, v_z, 0.0, lengths[k])
+        out[k] = math.log(walked[1]) - walked[0]
 
 
 @kernel(allocates=False)
@@ -87,12 +79,10 @@ def gradient(
         v_x = directions[k, 0] * inverse
         v_y = directions[k, 1] * inverse
         v_z = directions[k, 2] * inverse
-        length = lengths[k]
-        end = log_rate(directory, rates, strides, p_x + v_x * length, p_y + v_y * length, p_z + v_z * length)
-        integral, jump_x, jump_y, jump_z, moment_x, moment_y, moment_z = walk_layers(
-            directory, rates, strides, p_x, p_y, p_z, v_x, v_y, v_z, 0.0, length
+        integral, rate, jump_x, jump_y, jump_z, moment_x, moment_y, moment_z = walk_layers(
+            directory, rates, strides, p_x, p_y, p_z, v_x, v_y, v_z, 0.0, lengths[k]
         )
-        out[k] = end - integral
+        out[k] = math.log(rate) - integral
         jumps[k, 0] = jump_x
         jumps[k, 1] = jump_y
         jumps[k, 2] = jump_z

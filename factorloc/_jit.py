@@ -146,7 +146,7 @@ class _CompileListener(event.Listener):
     @staticmethod
     def _ours(data: dict[str, Any]) -> bool:
         function = getattr(data.get("dispatcher"), "py_func", None)
-        return getattr(function, "__module__", "").startswith("factorloc")
+        return (getattr(function, "__module__", None) or "").startswith("factorloc")
 
     def on_start(self, event: event.Event) -> None:
         if not self._ours(event.data):

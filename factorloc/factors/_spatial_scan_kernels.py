@@ -75,7 +75,7 @@ def decay_ray(directory, primary, secondary, level, p_x, p_y, p_z, d_x, d_y, d_z
     m_z = 0.0
     if t_in < t_out:
         if want_gradient:
-            value, jump_x, jump_y, jump_z, moment_x, moment_y, moment_z = walk_layers(
+            value, _, jump_x, jump_y, jump_z, moment_x, moment_y, moment_z = walk_layers(
                 directory, primary, strides, p_x + 16.0, p_y + 16.0, p_z + 16.0, v_x, v_y, v_z, t_in, t_out
             )
             if d_x != 0.0:

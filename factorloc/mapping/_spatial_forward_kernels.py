@@ -59,6 +59,8 @@ def walk_layers(directory, rates, strides, p_x, p_y, p_z, v_x, v_y, v_z, t_in, t
     -------
     total : float
         The integral, without unit.
+    rate_out : float
+        The rate at the end, 1/m.
     jump_x, jump_y, jump_z : float
         Sum of rate changes at planes across each axis, 1/m.
     moment_x, moment_y, moment_z : float
@@ -112,7 +114,8 @@ def walk_layers(directory, rates, strides, p_x, p_y, p_z, v_x, v_y, v_z, t_in, t
     step_local = step * s_a if directory is None else step << h_a
     edge = 0 if directory is None else (16 - (i & 15) if step > 0 else (i & 15) + 1)
     cell = cell_of(directory, row, local, int(line), s_b, h_b)
-    rate_in = np.float64(rates[cell])
+    rate = np.float64(rates[cell])
+    rate_in = rate
     # Sums of rates, of rate changes across b: plain, times way left in the layer, times its number; and across c.
     sum_rate = 0.0
     change_b = 0.0
@@ -125,7 +128,6 @@ def walk_layers(directory, rates, strides, p_x, p_y, p_z, v_x, v_y, v_z, t_in, t
     for k in range(1, layers + 1):
         y += slope
         below = np.floor(y)
-        rate = np.float64(rates[cell])
         b = int(y)
         out = cell_of(directory, row, local, b, s_b, h_b)
         rate_b = np.float64(rates[out])
@@ -161,20 +163,20 @@ def walk_layers(directory, rates, strides, p_x, p_y, p_z, v_x, v_y, v_z, t_in, t
         else:
             local += step_local
             cell = out + np.uint64(step_local)
+        rate = np.float64(rates[cell])
 
     # Last layer, from its plane to t_out.
     t_last = t_first + layers * pace
     y = p_b + v_b * t_out
     below = min(max(np.floor(y), line - 1.0), line + 1.0)
-    rate = np.float64(rates[cell])
-    rate_out = rates[cell_of(directory, row, local, int(below), s_b, h_b)]
+    rate_out = np.float64(rates[cell_of(directory, row, local, int(below), s_b, h_b)])
     change = rate_out - rate
     rest = (y - max(line, below)) * i_b
     if t_c < t_out:
         row, local = row_of(directory, i, c + step_c, s_a, s_c, h_a, h_c)
         rest_c = t_out - t_c
         rate_b = rate_out
-        rate_out = rates[cell_of(directory, row, local, int(below), s_b, h_b)]
+        rate_out = np.float64(rates[cell_of(directory, row, local, int(below), s_b, h_b)])
         d_out = rate_out - rate_b
         d_in = rates[cell_of(directory, row, local, int(line), s_b, h_b)] - rate
         d_at = d_out if rest > rest_c else d_in
@@ -197,10 +199,10 @@ def walk_layers(directory, rates, strides, p_x, p_y, p_z, v_x, v_y, v_z, t_in, t
     if swapped:
         jump_b, jump_c, moment_b, moment_c = jump_c, jump_b, moment_c, moment_b
     if axis == 0:
-        return total, jump_a, jump_b, jump_c, moment_a, moment_b, moment_c
+        return total, rate_out, jump_a, jump_b, jump_c, moment_a, moment_b, moment_c
     if axis == 1:
-        return total, jump_b, jump_a, jump_c, moment_b, moment_a, moment_c
-    return total, jump_b, jump_c, jump_a, moment_b, moment_c, moment_a
+        return total, rate_out, jump_b, jump_a, jump_c, moment_b, moment_a, moment_c
+    return total, rate_out, jump_b, jump_c, jump_a, moment_b, moment_c, moment_a
 
 
 @kernel(allocates=False)

@@ -30,7 +30,10 @@ layouts = pytest.mark.parametrize(("layout", "rim"), [(DENSE, 1), (BRICKS, 16)],
 
 
 def walk(layout: tuple, rim: int, p, v, t_in: float, t_out: float) -> tuple[float, ...]:
-    return walk_layers(*layout, *map(float, (*np.add(p, rim), *v, t_in, t_out)))
+    """Integral, jumps and moments of a walk."""
+    total, _, *sums = walk_layers(*layout, *map(float, (*np.add(p, rim), *v, t_in, t_out)))
+    return total, *sums
+
 
 
 def naive_integral(p, v, t_in: float, t_out: float) -> float:
@@ -82,6 +85,15 @@ def test_integral_is_the_naive_one(layout, rim, ray) -> None:
     assert total == pytest.approx(naive_integral(*ray), abs=1e-8)
     alone = integrate_spatial(*layout, *map(float, (*np.add(p, rim), *v, t_in, t_out)))
     assert alone == pytest.approx(total, abs=1e-11)
+
+
+@layouts
+@given(ray=walks())
+def test_the_rate_at_the_end_is_handed_out(layout, rim, ray) -> None:
+    assume(is_clear(*ray))
+    p, v, t_in, t_out = ray
+    end = walk_layers(*layout, *map(float, (*np.add(p, rim), *v, t_in, t_out)))[1]
+    assert end == RIMMED_RATES[tuple(np.floor(p + v * t_out).astype(int) + 1)]
 
 
 @layouts
