@@ -51,7 +51,7 @@ def forward(
         v_y = directions[k, 1] * inverse
         v_z = directions[k, 2] * inverse
         walked = walk_layers(directory, rates, strides, p_x, p_y, p_z, v_x, v_y, v_z, 0.0, lengths[k])
-        out[k] = math.log(walked[1]) - walked[0]
+        out[k] = math.log(np.float32(walked[1])) - walked[0]  # the rate has no more digits
 
 
 @kernel(allocates=False)
@@ -82,7 +82,7 @@ def gradient(
         integral, rate, jump_x, jump_y, jump_z, moment_x, moment_y, moment_z = walk_layers(
             directory, rates, strides, p_x, p_y, p_z, v_x, v_y, v_z, 0.0, lengths[k]
         )
-        out[k] = math.log(rate) - integral
+        out[k] = math.log(np.float32(rate)) - integral
         jumps[k, 0] = jump_x
         jumps[k, 1] = jump_y
         jumps[k, 2] = jump_z

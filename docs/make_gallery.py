@@ -21,6 +21,7 @@ from PIL import Image
 from factorloc.files import atomic_path
 from factorloc.simulation import (
     FloorPlan,
+    FurnitureSettings,
     MeshWorld,
     PlanarLidar,
     Route,
@@ -40,7 +41,6 @@ from factorloc.simulation import (
     street_world,
     vlp_16,
 )
-from factorloc.simulation.furnishing import FurnitureSettings
 from factorloc.viewer import plot_scan, save_figure
 
 if TYPE_CHECKING:

@@ -120,7 +120,11 @@ def localize(
     prepared = statistics if isinstance(statistics, PreparedMap) else PreparedMap.of(statistics, settings)
     if not isinstance(start, PosePrior):
         start = PosePrior.from_sigmas(start, settings.start_position, settings.start_heading)
-    if start.dimension != prepared.dimension or not prepared.grid.contains(start.position):
+    if start.dimension != prepared.dimension:
+        raise MapError(
+            f"start: it has {start.dimension} dimensions, the map {prepared.dimension}; give a pose of the map's"
+        )
+    if not prepared.grid.contains(start.position):
         where = ", ".join(f"{value:.2f}" for value in start.position)
         raise MapError(f"start: ({where}) m lies outside the map; give a pose within")
     term = prepared.term(scans)

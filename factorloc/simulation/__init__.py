@@ -18,6 +18,7 @@ from factorloc.simulation.carmen_export import write_carmen
 from factorloc.simulation.drive import SimulatedDrive, simulate_drive
 from factorloc.simulation.floor_plan import FloorPlan, Foliage, Pane
 from factorloc.simulation.footprints import read_footprints
+from factorloc.simulation.furnishing import FurnitureSettings
 from factorloc.simulation.gnss import Gnss, GnssFixes
 from factorloc.simulation.kitti_export import write_kitti
 from factorloc.simulation.lidar import Lidar, PlanarLidar
@@ -43,6 +44,7 @@ __all__ = [
     "Canopy",
     "FloorPlan",
     "Foliage",
+    "FurnitureSettings",
     "Gnss",
     "GnssFixes",
     "Hits",

@@ -182,9 +182,11 @@ def test_what_does_not_fit_is_refused(office) -> None:
     prepared, scans, motions = few()
     away = here.truth[0].copy()
     away[2, 3] = 50.0
-    for start in (away, PosePrior.from_sigmas(away, 1, 1), np.zeros(3)):
+    for start in (away, PosePrior.from_sigmas(away, 1, 1)):
         with pytest.raises(MapError, match=r"start: .* lies outside the map; give a pose within"):
             localize(prepared, scans, motions, start)
+    with pytest.raises(MapError, match="start: it has 2 dimensions, the map 3; give a pose of the map's"):
+        localize(prepared, scans, motions, np.zeros(3))
     for arguments, line in [
         ((prepared, scans, motions[:2], here.truth[0]), "expected 3 motions between 4 scans"),
         ((prepared, scans, np.zeros((3, 3)), here.truth[0]), "odometry"),
