@@ -44,6 +44,7 @@ RUNS = {
     "carmen-aces": Run("carmen", ("--log", "aces"), needs_data=True),
     "basin": Run("basin"),
     "kitti0005": Run("kitti0005", needs_data=True),
+    "posterior_simulation": Run("posterior_simulation"),
 }
 """Every published table and ratio, by the name of its files."""
 
