@@ -14,7 +14,7 @@ from benchmarks._walk_kernels import forward, gradient
 from benchmarks.reference import CompiledReference
 from benchmarks.returns import Returns
 from factorloc._jit import in_threads
-from factorloc.mapping._forward_kernels import decay_log_likelihoods
+from factorloc.mapping._likelihood_kernels import decay_log_likelihoods
 from factorloc.mapping._traversal_kernels import FIXED_POINT
 from factorloc.mapping.accumulation import accumulate_rays
 from factorloc.scan import RayStatus
@@ -135,7 +135,7 @@ def _likelihood_arrays(kind: str, returns: Returns) -> tuple[tuple[object, ...],
 def _clipped_likelihoods(label: str, returns: Returns) -> Walk:
     """The kernel behind the maps' own likelihood, which clips rays and knows those without return."""
     count = len(returns.lengths)
-    out, status, limits = np.empty(count), np.full(count, RayStatus.RETURN, np.uint8), np.array([0.0, np.inf])
-    grid = (returns.shape, returns.rates[0], returns.log_rates[0], returns.low, returns.resolution)
-    run = partial(decay_log_likelihoods, returns.rates, returns.log_rates, *grid, *returns.rays, status, limits, out)
-    return Walk(FORWARD, label, run, lambda: (out,))
+    status, each, sums = np.full(count, RayStatus.RETURN, np.uint8), np.empty((1, count)), np.empty(1)
+    grid = (returns.shape, returns.rates[0], returns.low, returns.resolution)
+    run = partial(decay_log_likelihoods, returns.rates, *grid, np.zeros((1, 3)), *returns.rays, status, each, sums)
+    return Walk(FORWARD, label, run, lambda: (each[0],))

@@ -176,3 +176,64 @@ def marginal_prior(H: np.ndarray, R: np.ndarray) -> tuple[float, float]:
         options={"xatol": 1e-6, "fatol": 1e-10, "maxiter": 2000},
     )
     return float(np.exp(found.x[0])), float(np.exp(found.x[1]))
+
+
+def around(ray: Ray, grid: Grid) -> tuple[Grid, tuple[int, ...]]:
+    """The same raster about as far as a ray goes and a few cells more, and where the grid lies in it."""
+    reach = [(at - grid.origin) / grid.resolution for at in (ray.origin, ray.origin + ray.length * ray.direction)]
+    before = np.maximum(3 - np.floor(np.min(reach, axis=0)), 0).astype(int)
+    behind = np.maximum(3 + np.ceil(np.max(reach, axis=0)) - grid.shape, 0).astype(int)
+    origin = tuple(float(low) for low in grid.origin - before * grid.resolution)
+    shape = tuple(int(n) for n in before + grid.shape + behind)
+    return Grid(origin, grid.resolution, shape), tuple(int(n) for n in before)
+
+
+def reflection_log_likelihood(
+    ray: Ray, limits: tuple[float, float], grid: Grid, probabilities: np.ndarray, outside: float
+) -> float:
+    """Log-likelihood of a ray under reflection probabilities (thesis, eq. 7.16, 7.23, 7.30 to 7.32)."""
+    ray = _up_to_its_limit(ray, limits)
+    raster, offset = around(ray, grid)
+
+    def mu(cell):
+        index = tuple(int(i) for i in np.subtract(cell, offset))
+        inside = all(0 <= i < n for i, n in zip(index, grid.shape, strict=True))
+        return float(probabilities[index]) if inside else outside
+
+    end = cell_at(ray, ray.length, raster)
+    onwards = ray._replace(length=ray.length + 2 * grid.resolution)
+    chords = [piece for piece in pieces(onwards, raster) if piece.cell == end]
+    chord_start, chord_stop = min(piece.start for piece in chords), max(piece.stop for piece in chords)
+
+    def log_miss(cell, part=1.0):
+        return math.log1p(-part * mu(cell)) if part * mu(cell) < 1 else -math.inf
+
+    log_pass = 0.0
+    for piece in pieces(ray, raster):
+        if piece.cell != end and math.floor(piece.stop / UNIT) > math.floor(piece.start / UNIT):
+            log_pass += log_miss(piece.cell)
+    if ray.status != RayStatus.RETURN:
+        log_pass += log_miss(end, (ray.length - chord_start) / (chord_stop - chord_start))
+    density = mu(end) / (chord_stop - chord_start)
+    return _log_likelihood(ray, log_pass, math.log(density) if density > 0 else -math.inf)
+
+
+def beta_log_marginal(alpha: float, beta: float, H: np.ndarray, M: np.ndarray) -> float:
+    """Log of the product over cells of the integral over the probability: prior times ``mu^H (1 - mu)^M``."""
+    logit = np.linspace(-80.0, 80.0, 8001)
+    log_mu, log_rest = -np.logaddexp(0, -logit), -np.logaddexp(0, logit)
+    log_prior = alpha * log_mu + beta * log_rest  # in the logit, not yet normalized
+    total = trapezoid(np.exp(log_prior), logit)
+    seen = np.exp(log_prior + H[:, None] * log_mu + M[:, None] * log_rest)
+    return float(np.log(trapezoid(seen, logit, axis=1) / total).sum())
+
+
+def beta_prior(H: np.ndarray, M: np.ndarray) -> tuple[float, float]:
+    """Parameters of the Beta prior that maximizes the marginal likelihood, without its gradient."""
+    found = minimize(
+        lambda logs: -beta_log_marginal(*np.exp(logs), H, M),
+        np.zeros(2),
+        method="Nelder-Mead",
+        options={"xatol": 1e-6, "fatol": 1e-10, "maxiter": 2000},
+    )
+    return float(np.exp(found.x[0])), float(np.exp(found.x[1]))

@@ -1,0 +1,1 @@
+"""Guaranteed bounds: intervals, boxes and the contractors that shrink them."""

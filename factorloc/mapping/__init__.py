@@ -4,29 +4,65 @@ Nothing here knows of gtsam. Maps are made from scans at known poses, merged, wr
 their statistics into the likelihood of a scan.
 """
 
+from factorloc.mapping.belief import BetaBelief, GammaBelief
+from factorloc.mapping.beta_prior import BetaPrior, estimate_beta_prior
 from factorloc.mapping.brick_statistics import BrickStatistics
 from factorloc.mapping.decay_rate import DecayRateMap, DecayRatePosterior
+from factorloc.mapping.distance_transform import DistanceField
+from factorloc.mapping.end_point import EndPointModel
+from factorloc.mapping.evidence import RateEvidence, ReflectionEvidence
+from factorloc.mapping.fading_counts import FadingCounts
 from factorloc.mapping.grid import Grid
+from factorloc.mapping.map_change import MapChange
+from factorloc.mapping.map_shift import MapShift, log_match
+from factorloc.mapping.noisy_decay_rate import NoisyDecayRateMap
+from factorloc.mapping.normalized_end_point import NormalizedEndPointModel
+from factorloc.mapping.occupancy import OccupancyMap
+from factorloc.mapping.out_of_range import OutOfRangePrior
 from factorloc.mapping.prior import GammaPrior, estimate_prior
 from factorloc.mapping.pyramid import DEFAULT_BLURS, BlurPyramid
 from factorloc.mapping.ray_statistics import RayStatistics
+from factorloc.mapping.reflection import ReflectionMap, ReflectionPosterior
+from factorloc.mapping.sensor_model import SensorModel
+from factorloc.mapping.sensor_models import SENSOR_MODELS, make_sensor_model
 from factorloc.mapping.spatial_pyramid import SPATIAL_BLURS, SpatialPyramid
 from factorloc.mapping.storage import MapInfo, read_map, read_map_info, write_map
 from factorloc.mapping.top_view import top_view
 
 __all__ = [
     "DEFAULT_BLURS",
+    "SENSOR_MODELS",
     "SPATIAL_BLURS",
+    "BetaBelief",
+    "BetaPrior",
     "BlurPyramid",
     "BrickStatistics",
     "DecayRateMap",
     "DecayRatePosterior",
+    "DistanceField",
+    "EndPointModel",
+    "FadingCounts",
+    "GammaBelief",
     "GammaPrior",
     "Grid",
+    "MapChange",
     "MapInfo",
+    "MapShift",
+    "NoisyDecayRateMap",
+    "NormalizedEndPointModel",
+    "OccupancyMap",
+    "OutOfRangePrior",
+    "RateEvidence",
     "RayStatistics",
+    "ReflectionEvidence",
+    "ReflectionMap",
+    "ReflectionPosterior",
+    "SensorModel",
     "SpatialPyramid",
+    "estimate_beta_prior",
     "estimate_prior",
+    "log_match",
+    "make_sensor_model",
     "read_map",
     "read_map_info",
     "top_view",

@@ -4,7 +4,6 @@ from factorloc._jit import exact_kernel
 from factorloc.mapping._traversal_kernels import MISS_BITS
 
 
-
 @exact_kernel(allocates=False)
 def count_visited(walked, hits, counts):
     """Count the cells of each brick that some ray left anything in.

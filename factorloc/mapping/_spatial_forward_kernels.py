@@ -155,14 +155,14 @@ def walk_layers(directory, rates, strides, p_x, p_y, p_z, v_x, v_y, v_z, t_in, t
         i += step
         if directory is None:
             local += step_local
-            cell = out + np.uint64(step_local)
+            cell = np.uint64(np.int64(out) + step_local)
         elif k == edge:
             edge += 16
             row, local = row_of(directory, i, c, s_a, s_c, h_a, h_c)
             cell = cell_of(directory, row, local, b, s_b, h_b)
         else:
             local += step_local
-            cell = out + np.uint64(step_local)
+            cell = np.uint64(np.int64(out) + step_local)
         rate = np.float64(rates[cell])
 
     # Last layer, from its plane to t_out.
@@ -195,7 +195,7 @@ def walk_layers(directory, rates, strides, p_x, p_y, p_z, v_x, v_y, v_z, t_in, t
     moment_b = change_b * t_first + number_b * pace - pieces_b + change * t_out - last_b
     jump_a = rate_out - rate_in - jump_b - change_c
     moment_a = rate_out * t_out - rate_in * t_in - total - moment_b - moment_c
-    jump_c = change_c
+    jump_c = np.float64(change_c)
     if swapped:
         jump_b, jump_c, moment_b, moment_c = jump_c, jump_b, moment_c, moment_b
     if axis == 0:

@@ -89,7 +89,8 @@ def accumulate_rays(
             private[:], private_hits[:] = 0, 0
         count = _PARTS_A_THREAD * threads if threads > 1 else 1
         edges = [begin + (stop - begin) * part // count for part in range(count + 1)]
-        waiting = iter(itertools.pairwise(edges))  # to take the next is one step of the interpreter: none is taken twice
+        # To take the next is one step of the interpreter: none is taken twice.
+        waiting = iter(itertools.pairwise(edges))
         _jit.in_threads(partial(walk, waiting), threads)
         # Bound by memory: a second thread would not make it faster.
         add_private(private, private_hits, shape, hits, misses, path)

@@ -46,9 +46,7 @@ def check_bricks(file: CheckedFile, grid: Grid) -> None:
         file.array(name, dtype, (lengths.get(name, cells),))
 
 
-def read_bricks(
-    file: CheckedFile, whole: Grid, grid: Grid, scans: int, left_out: dict[str, int]
-) -> BrickStatistics:
+def read_bricks(file: CheckedFile, whole: Grid, grid: Grid, scans: int, left_out: dict[str, int]) -> BrickStatistics:
     """Read the bricks that touch a part of the map, and of them the cells within.
 
     Parameters

@@ -71,7 +71,7 @@ class DistanceTable:
         if isinstance(statistics, RayStatistics):
             statistics = BrickStatistics.from_dense(statistics)
         grid, H, R = pooled(statistics, factor)
-        occupied = H > least_rate * np.maximum(R, grid.resolution)
+        occupied = least_rate * np.maximum(R, grid.resolution) < H
         if not occupied.any():
             raise MapError(f"map: no cell has a decay rate above {least_rate} 1/m; lower least_rate")
         distance = np.minimum(distance_transform_edt(~occupied) * grid.resolution, farthest)

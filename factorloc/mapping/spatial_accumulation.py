@@ -121,9 +121,7 @@ def accumulate_bricks(
     shape = (len(layout.bricks) + 1, CELLS)
     walked, hits = np.zeros(shape, np.int64), np.zeros(shape, np.uint32)
     directory = layout.directory
-    walk_spatial(
-        origins, directions, lengths, is_return, layout.grid, directory, walked.ravel(), hits.ravel(), threads
-    )
+    walk_spatial(origins, directions, lengths, is_return, layout.grid, directory, walked.ravel(), hits.ravel(), threads)
     return walked, hits
 
 

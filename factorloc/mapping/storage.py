@@ -239,5 +239,7 @@ def _info(file: CheckedFile) -> MapInfo:
         raise file.refused(f"attribute 'created' is {created}, not in UTC")
     size = file.path.stat().st_size
     writer, scans = file.text("factorloc"), file.integer("scans")
-    memory = 7 * file.integer("cell_count") + 520 * file.integer("brick_count") if kind == SPARSE_KIND else 16 * grid.cells
+    memory = 16 * grid.cells
+    if kind == SPARSE_KIND:
+        memory = 7 * file.integer("cell_count") + 520 * file.integer("brick_count")
     return MapInfo(file.path, kind, version, writer, created, grid, scans, provenance, left_out, size, memory)

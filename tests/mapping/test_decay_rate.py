@@ -169,6 +169,28 @@ def test_a_hit_where_a_ray_enters_leaves_a_rate_that_is_finite() -> None:
     assert DecayRateMap(counts, GammaPrior(1, 1)).rates.ravel().tolist() == [2.0**20, 0.5]
 
 
+def test_a_floor_leaves_unlikely_what_was_impossible() -> None:
+    counts = counted(Grid((0, 0), 1.0, (4, 1)), np.array([[0], [0], [1], [0]]), np.array([[9.0], [2.0], [4.0], [0.0]]))
+    model = DecayRateMap.from_statistics(counts, GammaPrior(0.5, 5.0), floor=0.02)
+    assert model.rates.ravel().tolist() == [0.02, 0.02, 0.25, 0.1]
+    scan = Scan.from_polar(np.zeros(1), [1.2], (0.9, 5.0))
+    assert model.log_likelihood(scan, (0.3, 0.5, 0)) == pytest.approx([math.log(0.02) - 1.2 * 0.02])
+    for floor in (-1.0, math.inf, math.nan):
+        with pytest.raises(MapError, match="expected a rate, 0 for none"):
+            DecayRateMap(counts, GammaPrior(1, 1), floor=floor)
+
+
+@pytest.mark.parametrize(("hits", "path"), [(10**9, 1e-3), (10**9, 2.0**-20), (10**9, 1e6), (0, 1e6), (1, 2.0**-20)])
+def test_counts_of_any_size_are_likelihoods(hits: int, path: float) -> None:
+    counts = counted(Grid((0, 0), 1.0, (4, 4)), hits, path)
+    scan = Scan.from_polar(np.linspace(-3, 3, 9), [*np.linspace(0.5, 6, 7), 0.1, np.inf], (0.3, 8.0))
+    for model in (DecayRatePosterior(counts, GammaPrior(1e-6, 1e6)), DecayRateMap(counts, GammaPrior(1e-6, 1e6))):
+        found = model.log_likelihood(scan, (1.6, 1.7, 0.1))
+        assert not np.isnan(found).any()
+        assert (np.exp(found[-2:]) <= 1).all()
+    assert np.isfinite(DecayRatePosterior(counts, GammaPrior(1, 1)).log_likelihood(scan, (1.6, 1.7, 0.1))).all()
+
+
 SCANS = [sweep(seed, 40, (0.0, 4.0)) for seed in range(6)]
 POSES = np.random.default_rng(5).uniform(-1.5, 1.5, (6, 3))
 

@@ -6,8 +6,16 @@ import pytest
 from ray_cases import counted
 
 from factorloc.errors import MapError
-from factorloc.mapping import GammaPrior, Grid, RayStatistics, estimate_prior
+from factorloc.mapping import (
+    DecayRateMap,
+    DecayRatePosterior,
+    GammaPrior,
+    Grid,
+    RayStatistics,
+    estimate_prior,
+)
 from factorloc.mapping import prior as module
+from factorloc.mapping.prior import CellwiseGammaPrior
 
 
 def exposures(hits: np.ndarray, path: np.ndarray) -> RayStatistics:
@@ -52,6 +60,50 @@ def test_published_prior_has_the_moments_of_the_rates() -> None:
     assert found.variance == pytest.approx(rates.var())
 
 
+def test_leaving_one_out_is_the_published_rule_on_all_other_cells() -> None:
+    seen = simulated(0.5, 0.5, 40)
+    hits, path = np.append(seen.hits, [0, 0]), np.append(seen.path_lengths, [0.0, 0.0])
+    found = estimate_prior(exposures(hits, path), "leave-one-out")
+    shapes, paths = (np.ravel(numbers) for numbers in found.of_cells)
+    for k in range(40):
+        others = estimate_prior(exposures(np.delete(hits, k), np.delete(path, k)), "published")
+        assert shapes[k] == pytest.approx(others.shape, rel=1e-9)
+        assert paths[k] == pytest.approx(others.path, rel=1e-9)
+    whole = estimate_prior(seen, "published")
+    assert (found.shape, found.path) == (whole.shape, whole.path)
+    assert shapes[40:].tolist() == [whole.shape] * 2
+    assert paths[40:].tolist() == [whole.path] * 2
+
+
+def test_one_rate_that_outshines_all_others_leaves_them_their_moments() -> None:
+    hits, path = np.array([1, 2, 3, 4, 4_000_000_000]), np.array([1.0, 1.0, 1.0, 1.0, 2.0**-20])
+    shapes, paths = estimate_prior(exposures(hits, path), "leave-one-out").of_cells
+    others = estimate_prior(exposures(hits[:4], path[:4]), "published")
+    assert (np.ravel(shapes)[4], np.ravel(paths)[4]) == pytest.approx((others.shape, others.path), rel=1e-12)
+    with pytest.raises(MapError, match="one decay rate"):
+        estimate_prior(exposures(np.array([1, 1, 7]), np.ones(3)), "leave-one-out")
+
+
+def test_a_prior_of_each_cell_makes_the_posterior_and_has_positive_numbers() -> None:
+    counts = simulated(0.5, 0.5, 40)
+    model = DecayRatePosterior.from_statistics(counts, "leave-one-out")
+    shapes, paths = model.prior.of_cells
+    assert np.ptp(shapes) > 0
+    assert model.mean == pytest.approx((counts.hits + shapes) / (counts.path_lengths + paths))
+    assert DecayRateMap.from_statistics(counts, "leave-one-out").prior.mean == model.prior.mean
+    with pytest.raises(MapError, match="expected positive numbers"):
+        CellwiseGammaPrior(1.0, 1.0, np.zeros(3), np.ones(3))
+
+
+@pytest.mark.parametrize("times", [1, 10**4, 10**8])
+def test_counts_of_any_size_have_a_prior(times: int) -> None:
+    rng = np.random.default_rng(1)
+    rates = rng.gamma(0.5, 2.0, 500)
+    path = rng.uniform(0.5, 2, 500) * times
+    found = estimate_prior(exposures(np.minimum(rng.poisson(rates * path), 2**32 - 1), path))
+    assert found.mean == pytest.approx(1.0, rel=0.25)
+
+
 @pytest.mark.parametrize("unseen", [1, 30])
 def test_cells_that_no_ray_crossed_do_not_matter(unseen: int) -> None:
     seen = simulated(0.5, 0.5, 40)
@@ -64,14 +116,15 @@ def test_one_rate_everywhere_gives_a_narrow_prior_around_it() -> None:
     found = estimate_prior(exposures(np.full(100, 3), np.full(100, 2.0)))
     assert found.mean == pytest.approx(1.5, rel=1e-3)
     assert found.variance < 1e-4
-    with pytest.raises(MapError, match="one decay rate"):
-        estimate_prior(exposures(np.full(100, 3), np.full(100, 2.0)), "published")
+    for rule in ("published", "leave-one-out"):
+        with pytest.raises(MapError, match="one decay rate"):
+            estimate_prior(exposures(np.full(100, 3), np.full(100, 2.0)), rule)
 
 
 def test_of_a_large_map_every_kth_cell_is_enough(monkeypatch: pytest.MonkeyPatch) -> None:
     large = simulated(0.5, 0.5, 30_000)
     every = estimate_prior(large)
-    monkeypatch.setattr(module, "_MOST_CELLS", 10_000)
+    monkeypatch.setattr(module, "MOST_CELLS", 10_000)
     third = estimate_prior(large)
     assert third != every
     assert third.shape == pytest.approx(every.shape, rel=0.06)
@@ -80,7 +133,7 @@ def test_of_a_large_map_every_kth_cell_is_enough(monkeypatch: pytest.MonkeyPatch
 
 
 def test_a_lone_hit_is_not_sampled_away(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "_MOST_CELLS", 10)
+    monkeypatch.setattr(module, "MOST_CELLS", 10)
     found = estimate_prior(exposures(np.eye(1, 101, 50)[0], np.ones(101)))
     assert found.mean == pytest.approx(1 / 101, rel=0.01)
 
@@ -89,7 +142,7 @@ def test_without_hits_there_is_nothing_to_learn() -> None:
     for hits, path in [(0, 1.0), (0, 0.0), (1, 0.0)]:
         with pytest.raises(MapError, match="no cell was hit"):
             estimate_prior(exposures(np.full(5, hits), np.full(5, path)))
-    with pytest.raises(MapError, match="unknown rule 'guessed'; choose 'marginal' or 'published'"):
+    with pytest.raises(MapError, match="unknown rule 'guessed'; choose 'marginal', 'published' or 'leave-one-out'"):
         estimate_prior(simulated(1, 1, 50), "guessed")  # type: ignore[arg-type]
 
 

@@ -9,7 +9,6 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from naive import Ray
 from ray_cases import SEEDS
-from scipy.integrate import quad
 from spatial_cases import packed_spatial, spatial_grids, spatial_rays
 
 from factorloc.mapping import BrickStatistics, DecayRateMap, DecayRatePosterior, GammaPrior, Grid, RayStatistics
@@ -18,6 +17,7 @@ from factorloc.scan import RayStatus, Scan
 HERE = np.eye(4)
 LIMITS = (0.4, 3.0)
 PRIOR = GammaPrior(0.3, 0.7)
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(14)
 
 
 def counted(grid: Grid, seed: int, seen: float = 0.5) -> RayStatistics:
@@ -66,17 +66,17 @@ def test_probability_adds_up_to_one(seed: int) -> None:
     origin = rng.uniform(-1, 1, 3)
     statistics = counted(grid, seed, 1.0)
     crossings = [piece.stop for piece in naive.pieces(Ray(origin, direction, LIMITS[1], 0), grid)]
-    for model in (DecayRateMap(statistics, PRIOR), DecayRatePosterior(statistics, PRIOR)):
-
-        def log_likelihood(length: float, status: int, model=model) -> float:
-            return float(model.log_likelihood(scan_of([Ray(origin, direction, length, status)]), HERE)[0])
-
-        edges = [LIMITS[0], *(t for t in crossings if LIMITS[0] < t < LIMITS[1]), LIMITS[1]]
-        density = sum(
-            quad(lambda r: np.exp(log_likelihood(r, RayStatus.RETURN)), a, b, limit=100)[0] for a, b in pairwise(edges)
-        )
-        rest = sum(np.exp(log_likelihood(1.0, s)) for s in (RayStatus.BELOW_MINIMUM, RayStatus.NO_RETURN))
-        assert density + rest == pytest.approx(1.0, abs=1e-6)
+    edges = [LIMITS[0], *(t for t in crossings if LIMITS[0] < t < LIMITS[1]), LIMITS[1]]
+    # Parts that grow with the distance from where a piece begins, as a prior's density falls steeply there.
+    edges = np.unique([a + (b - a) * step for a, b in pairwise(edges) for step in (0, 0.01, 0.06, 0.2, 0.5, 1)])
+    halves = np.diff(edges)[:, None] / 2
+    ranges = ((edges[:-1] + edges[1:])[:, None] / 2 + halves * NODES).ravel()
+    rays = [Ray(origin, direction, r, RayStatus.RETURN) for r in ranges]
+    rays += [Ray(origin, direction, 1.0, status) for status in (RayStatus.BELOW_MINIMUM, RayStatus.NO_RETURN)]
+    for counts in (statistics, BrickStatistics.from_dense(statistics)):
+        for model in (DecayRateMap(counts, PRIOR), DecayRatePosterior(counts, PRIOR)):
+            *density, sub, sup = np.exp(model.log_likelihood(scan_of(rays), HERE))
+            assert sub + sup + (halves * WEIGHTS).ravel() @ density == pytest.approx(1.0, abs=1e-6)
 
 
 def test_a_prior_is_learned_from_sparse_maps_as_from_dense_ones() -> None:

@@ -19,9 +19,8 @@ from spatial_cases import (
 )
 
 from factorloc.errors import MapError
-from factorloc.mapping import BrickStatistics, Grid, RayStatistics
+from factorloc.mapping import BrickStatistics, Grid, RayStatistics, ray_statistics
 from factorloc.mapping import brick_statistics as module
-from factorloc.mapping import ray_statistics
 from factorloc.mapping._spatial_traversal_kernels import accumulate_spatial
 from factorloc.mapping.bricks import BrickLayout
 from factorloc.mapping.packed_integers import PackedIntegers

@@ -35,7 +35,6 @@ def walk(layout: tuple, rim: int, p, v, t_in: float, t_out: float) -> tuple[floa
     return total, *sums
 
 
-
 def naive_integral(p, v, t_in: float, t_out: float) -> float:
     p, v = np.asarray(p, float), np.asarray(v, float)
     lengths = naive.lengths_by_cell(Ray(p + v * t_in, v, t_out - t_in, 0), RIMMED)

@@ -1,0 +1,155 @@
+"""Beam models: what sensor models that follow every ray through the cells of a grid have in common."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from factorloc import _jit
+from factorloc.mapping.body_rays import checked_poses, require_dimension
+from factorloc.mapping.brick_statistics import BrickStatistics
+from factorloc.mapping.cell_layout import CellLayout
+from factorloc.mapping.cell_table import CellTable
+from factorloc.mapping.grid import Grid
+from factorloc.mapping.ray_statistics import RayStatistics
+from factorloc.rays import pack
+from factorloc.scan import Scan
+
+__all__ = ["BeamModel", "rimmed"]
+
+Array = npt.NDArray[np.float64]
+
+_PARALLEL_CELLS = 300_000  # about a millisecond of walking; less is done before threads are woken
+_CELLS_A_RAY = 10  # what a ray costs besides its walk, in cells
+
+
+def rimmed(values: npt.ArrayLike, rim: float) -> Array:
+    """Surround an array by one cell of a constant, as kernels want their grids; contiguous float64."""
+    return np.pad(np.asarray(values, np.float64), 1, constant_values=rim)
+
+
+@dataclass(frozen=True)
+class BeamModel(ABC):
+    """Likelihood of lidar rays by what lies along their way; satisfies :class:`~factorloc.mapping.SensorModel`.
+
+    A model is laid out for its kernels when it is first asked; from then on a call costs its walks.
+
+    Parameters
+    ----------
+    statistics : RayStatistics or BrickStatistics
+        What the mapping rays left behind.
+    """
+
+    statistics: RayStatistics | BrickStatistics
+
+    @property
+    def grid(self) -> Grid:
+        """Where the cells lie."""
+        return self.statistics.grid
+
+    @property
+    def normalized(self) -> bool:
+        """The outcomes of every ray add up to one."""
+        return True
+
+    def log_likelihood(self, scan: Scan, T_map_body: npt.ArrayLike) -> Array:
+        """Log-likelihood of each ray of a scan at one pose.
+
+        Parameters
+        ----------
+        scan : Scan
+            Of the map's dimension.
+        T_map_body : array_like, shape (3,) or (4, 4)
+            Pose of the body.
+
+        Returns
+        -------
+        ndarray, shape (N,)
+            Log densities (1/m) of returns, log probabilities of rays out of range; -inf where the model excludes them.
+
+        Raises
+        ------
+        MapError
+            If scan, pose and map differ in dimension.
+        """
+        require_dimension(scan, self.grid)
+        pose = checked_poses(np.asarray(T_map_body, np.float64)[None], self.grid)
+        rays = pack([scan])
+        each = np.empty((1, len(scan)))
+
+        def weigh(first: int, last: int) -> None:
+            part = slice(first, last)
+            block = (rays.origins[part], rays.directions[part], rays.ranges[part], rays.status[part])
+            self._kernel(pose, *block, each[:, part], np.empty(1))
+
+        self._deal(weigh, len(scan), self._cells(scan))
+        return each.ravel()
+
+    def scan_log_likelihoods(self, scan: Scan, poses: npt.ArrayLike) -> Array:
+        """Log-likelihood of a scan at each of many poses: the sum over its rays, as a particle filter weighs them.
+
+        Parameters
+        ----------
+        scan : Scan
+            Of the map's dimension.
+        poses : array_like, shape (P, 3) or (P, 4, 4)
+            Poses ``T_map_body``.
+
+        Returns
+        -------
+        ndarray, shape (P,)
+            Sums of :meth:`log_likelihood`; -inf where the model excludes any of the rays.
+
+        Raises
+        ------
+        MapError
+            If scan, poses and map differ in dimension.
+        """
+        require_dimension(scan, self.grid)
+        array = checked_poses(poses, self.grid)
+        rays = pack([scan])
+        block = (rays.origins, rays.directions, rays.ranges, rays.status, np.empty((0, len(scan))))
+        sums = np.empty(len(array))
+
+        def weigh(first: int, last: int) -> None:
+            self._kernel(array[first:last], *block, sums[first:last])
+
+        self._deal(weigh, len(array), self._cells(scan) * len(array))
+        return sums
+
+    @abstractmethod
+    def _bound_kernel(self) -> tuple[Any, ...]:
+        """The kernel and its leading arguments, the map."""
+
+    @cached_property
+    def _kernel(self) -> Callable[..., None]:
+        kernel, *tables = self._bound_kernel()
+        low, resolution = np.array(self.grid.origin), self.grid.resolution
+
+        def weigh(*rays: Any) -> None:
+            kernel(*tables, low, resolution, *rays)
+
+        return weigh
+
+    def _laid_out(self, values: Array, outside: float) -> CellLayout:
+        """One number of each cell of a spatial map, as kernels read them."""
+        if isinstance(self.statistics, BrickStatistics):
+            return CellLayout.bricks(CellTable.from_cells(self.statistics, values, outside))
+        return CellLayout.dense(self.grid, values, outside)
+
+    def _cells(self, scan: Scan) -> float:
+        """About how many cells the rays of a scan cross, with what they cost besides."""
+        return float(scan.ranges.sum()) / self.grid.resolution + _CELLS_A_RAY * len(scan)
+
+    @staticmethod
+    def _deal(weigh: Callable[[int, int], None], count: int, cells: float) -> None:
+        if cells > _PARALLEL_CELLS:
+            _jit.in_threads(weigh, count)
+        else:
+            weigh(0, count)
