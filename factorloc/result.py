@@ -25,6 +25,7 @@ class StopReason(enum.StrEnum):
     MAX_ITERATIONS = "stopped: the iteration limit was reached"
     MAX_DAMPING = "stopped: no damping gave a better step"
     SEQUENTIAL = "finished: every scan was registered once, in order"
+    FILTERED = "finished: every scan was weighed once, in order"
 
     @property
     def converged(self) -> bool:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from factorloc.cli.console import Threads, console, progress_bar, use_threads
+from factorloc.cli.localize_methods import Method, by_particles, by_smoothing
 from factorloc.cli.recording import Mount, reader_options
 from factorloc.cli.selection import SELECTION_HELP, select_scans
 
@@ -31,6 +32,27 @@ def localize(
         typer.Option(metavar="X Y HEADING", help="About where the drive begins: m, m, degrees."),
     ] = None,
     height: Annotated[float, typer.Option(help="Height of the start in a map in space, m.")] = 0.0,
+    anywhere: Annotated[
+        bool, typer.Option("--global", help="Start anywhere in the free space of the map; with --method mcl.")
+    ] = False,
+    method: Annotated[Method, typer.Option(help="Smoothing of a factor graph, or Monte Carlo localization.")] = (
+        Method.SMOOTHER
+    ),
+    model: Annotated[
+        str,
+        typer.Option(
+            help="Sensor model of the particles: decay-rate, decay-rate-posterior, reflection, reflection-posterior or "
+            "end-point."
+        ),
+    ] = "decay-rate-posterior",
+    floor: Annotated[
+        float,
+        typer.Option(
+            min=0, help="Least decay rate (1/m), or probability, of decay-rate and reflection; 0 excludes rays."
+        ),
+    ] = 0.01,
+    particles: Annotated[int | None, typer.Option(min=1, help="Most particles; fewer where few are enough.")] = None,
+    seed: Annotated[int, typer.Option(help="Seed of the particles.")] = 0,
     scans: Annotated[str, typer.Option(help=SELECTION_HELP)] = "all",
     config: Annotated[Path | None, typer.Option(help="Settings, TOML or JSON; see settings.json of any run.")] = None,
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder of all runs.")] = Path("results"),
@@ -40,7 +62,7 @@ def localize(
 ) -> None:
     """Track a recording scan by scan, smooth the whole of it, and write trajectories, metrics and figures.
 
-    Without --start the drive begins at the first pose of its truth.
+    Without --start the drive begins at the first pose of its truth. With --method mcl particles are filtered instead.
 
     [bold]Examples[/bold]
 
@@ -49,23 +71,24 @@ def localize(
     [green]factorloc localize intel.h5 intel.clf.bz2 --truth intel-corrected.log.gz --scans odd[/green]
 
     [green]factorloc localize street.h5 kitti/sequences/07 --scans odd[/green]
+
+    [green]factorloc localize intel.h5 intel.clf.bz2 --method mcl --global[/green]
     """
     from dataclasses import replace
 
     import numpy as np
 
-    from factorloc.config import read_config
     from factorloc.datasets import open_drive
-    from factorloc.errors import DataError
+    from factorloc.errors import ConfigError, DataError
     from factorloc.geometry import se3
-    from factorloc.localization import LocalizationSettings, with_lidar_odometry
-    from factorloc.localization import localize as run
+    from factorloc.localization import with_lidar_odometry
     from factorloc.localization.run_folder import RunFolder, new_run_folder
     from factorloc.mapping import read_map
     from factorloc.trajectory import Trajectory
 
     use_threads(threads)
-    settings = LocalizationSettings() if config is None else read_config(config, LocalizationSettings)
+    if anywhere and (method is Method.SMOOTHER or start is not None):
+        raise ConfigError("--global: begins anywhere, by particles; use it with --method mcl and without --start")
     statistics = read_map(map_file)
     options = reader_options(mount) if truth is None else {"truth": truth}
     drive: Drive = open_drive(log, **options)
@@ -76,35 +99,34 @@ def localize(
     if not planar and not drive.odometry_known.any():
         with progress_bar("lidar odometry", len(drive)) as progress:
             drive = with_lidar_odometry(drive, progress=progress)
+    pose = None
     if start is not None:
         pose = np.array([start[0], start[1], np.radians(start[2])])
         if not planar:
             pose = se3.from_se2(pose)
             pose[2, 3] = height
+    elif anywhere:
+        pass
     elif drive.truth is not None:
         pose = drive.truth.poses[0]
         console.print("start: the first pose of the truth (choose another with --start X Y HEADING)")
     else:
         raise DataError(f"{log}: holds no true poses to start from; say where it begins with --start X Y HEADING")
-    with progress_bar("tracking", len(drive)) as progress:
-        found = run(
-            statistics,
-            drive.scans,
-            drive.odometry,
-            pose,
-            known=drive.odometry_known,
-            covariances=drive.odometry_covariances,
-            settings=settings,
-            progress=progress,
+    if method is Method.MCL or pose is None:
+        settings, results = by_particles(
+            statistics, drive, pose, config, model=model, floor=floor, particles=particles, height=height, seed=seed
         )
+    else:
+        settings, results = by_smoothing(statistics, drive, pose, config)
     folder = RunFolder(new_run_folder(output), plots)
-    results = {"tracked": found.tracked, "smoothed": found.smoothed}
     folder.write_settings(settings)
     for name, result in results.items():
         folder.write_result(name, result)
     folder.write_account(
-        results, map=map_file.name, recording=drive.name, scans=scans, reports=[str(report) for report in drive.reports]
-    )
+        results, map=map_file.name, recording=drive.name, scans=scans, method=method.value,
+        model=model if method is Method.MCL else None, seed=seed if method is Method.MCL else None,
+        reports=[str(report) for report in drive.reports],
+    )  # fmt: skip
     paths = {name: result.trajectory for name, result in results.items()}
     if drive.truth is not None:
         truth_in_map = drive.truth

@@ -1,5 +1,10 @@
-"""Where the rooms meet: registration, tracking, smoothing, and the localizer that runs them in order."""
+"""Where the rooms meet: registration, tracking, smoothing, and the localizer that runs them in order.
 
+And Monte Carlo localization by particles: propagate, reweight, resample, estimate.
+"""
+
+from factorloc.localization.initialization import AroundPose, FreeSpace, Initialization, NormalStart
+from factorloc.localization.kld import KldSettings
 from factorloc.localization.lidar_odometry import (
     LidarOdometry,
     LidarOdometrySettings,
@@ -7,27 +12,49 @@ from factorloc.localization.lidar_odometry import (
     with_lidar_odometry,
 )
 from factorloc.localization.localizer import Localization, LocalizationSettings, localize
+from factorloc.localization.monte_carlo import MonteCarloSettings, localize_by_particles
+from factorloc.localization.motion_model import MotionModel, TangentMotion, TurnDriveTurn
 from factorloc.localization.optimizer import OptimizerSettings, ScanFactors, optimize
+from factorloc.localization.particle_estimates import ParticleEstimates, PoseEstimate
+from factorloc.localization.particle_filter import ParticleFilter, ParticleFilterSettings
+from factorloc.localization.particles import Particles
 from factorloc.localization.prepared_map import MeasurementSettings, PreparedMap
+from factorloc.localization.recovery import RecoverySettings
 from factorloc.localization.registration import Registration, RegistrationSettings, register, register_many
 from factorloc.localization.smoother import smooth
 from factorloc.localization.tracking import TrackingSettings, find_start, track
 
 __all__ = [
+    "AroundPose",
+    "FreeSpace",
+    "Initialization",
+    "KldSettings",
     "LidarOdometry",
     "LidarOdometrySettings",
     "Localization",
     "LocalizationSettings",
     "MeasurementSettings",
+    "MonteCarloSettings",
+    "MotionModel",
+    "NormalStart",
     "OptimizerSettings",
+    "ParticleEstimates",
+    "ParticleFilter",
+    "ParticleFilterSettings",
+    "Particles",
+    "PoseEstimate",
     "PreparedMap",
+    "RecoverySettings",
     "Registration",
     "RegistrationSettings",
     "ScanFactors",
+    "TangentMotion",
     "TrackingSettings",
+    "TurnDriveTurn",
     "find_start",
     "lidar_odometry",
     "localize",
+    "localize_by_particles",
     "optimize",
     "register",
     "register_many",
