@@ -21,7 +21,14 @@ if TYPE_CHECKING:
     from factorloc.datasets import Drive, open_drive
     from factorloc.errors import FactorlocError
     from factorloc.evaluation import evaluate
-    from factorloc.factors import DecayRateTerm, DistanceFieldTerm, OdometryNoise, PosePrior
+    from factorloc.factors import (
+        DecayRateTerm,
+        DistanceFieldTerm,
+        EndPointTerm,
+        OdometryNoise,
+        PosePrior,
+        PosteriorTerm,
+    )
     from factorloc.geometry import se2, se3
     from factorloc.localization import (
         AroundPose,
@@ -64,7 +71,7 @@ _ROOMS = {
     "datasets": ["Drive", "open_drive"],
     "errors": ["FactorlocError"],
     "evaluation": ["evaluate"],
-    "factors": ["DecayRateTerm", "DistanceFieldTerm", "OdometryNoise", "PosePrior"],
+    "factors": ["DecayRateTerm", "DistanceFieldTerm", "EndPointTerm", "OdometryNoise", "PosePrior", "PosteriorTerm"],
     "geometry": ["se2", "se3"],
     "localization": [
         "AroundPose",
@@ -114,6 +121,7 @@ __all__ = [
     "DistanceFieldTerm",
     "Drive",
     "EndPointModel",
+    "EndPointTerm",
     "FactorlocError",
     "FreeSpace",
     "Grid",
@@ -125,6 +133,7 @@ __all__ = [
     "ParticleFilter",
     "Particles",
     "PosePrior",
+    "PosteriorTerm",
     "PreparedMap",
     "RayStatistics",
     "RayStatus",

@@ -6,22 +6,28 @@ for incremental ones.
 """
 
 from factorloc.factors.adaptors import hessian_factors, square_root_factor
+from factorloc.factors.distance_field import DistanceFieldTerm
+from factorloc.factors.end_point_levels import EndPointLevels
+from factorloc.factors.end_point_term import EndPointTerm, SpatialEndPointTerm
+from factorloc.factors.grid_scan_term import DecayRateTerm, PosteriorTerm
 from factorloc.factors.level_tables import LevelTables
 from factorloc.factors.odometry import OdometryNoise, odometry_factors
 from factorloc.factors.prior import PosePrior
-from factorloc.factors.distance_field import DistanceFieldTerm
-from factorloc.factors.grid_scan_term import DecayRateTerm
 from factorloc.factors.scan_term import ScanCosts, ScanTerm
 from factorloc.factors.spatial_scan_term import SpatialScanTerm
 
 __all__ = [
     "DecayRateTerm",
     "DistanceFieldTerm",
+    "EndPointLevels",
+    "EndPointTerm",
     "LevelTables",
     "OdometryNoise",
     "PosePrior",
+    "PosteriorTerm",
     "ScanCosts",
     "ScanTerm",
+    "SpatialEndPointTerm",
     "SpatialScanTerm",
     "hessian_factors",
     "odometry_factors",

@@ -1,45 +1,34 @@
 """Scan-to-map costs of planar scans with gradient and Gauss-Newton Hessian.
 
-Both models read two flat rimmed tables and three numbers a level of the map:
+Models read flat rimmed tables and some numbers a level of the map:
 
-====================  ===========  ==============  ==================================
+====================  ===========  ==============  ==================================================
 model                 primary      secondary       numbers
-====================  ===========  ==============  ==================================
+====================  ===========  ==============  ==================================================
 ``DECAY_RATE``        rates, 1/m   log rates       rate outside, least NLL, unused
 ``DISTANCE_FIELD``    distance, m  distance, m     farthest, sigma (m), Huber (sigma)
-====================  ===========  ==============  ==================================
+``POSTERIOR``         shapes       paths, m        prior shape, least NLL, prior path (m)
+``END_POINT``         distance, m  distance, m     farthest, sigma (m), floor, log of the peak
+====================  ===========  ==============  ==================================================
+
+``POSTERIOR`` has a tertiary table besides, the log effective rates. The others have None there: which walk is compiled
+is settled by that type, so that nobody waits for the posterior who does not use it.
 """
 
 import math
 
 from factorloc._jit import kernel
+from factorloc.factors._interpolation_kernels import extended
+from factorloc.factors._posterior_kernels import posterior_pass
 from factorloc.mapping._forward_kernels import integrate, walk_columns
 from factorloc.mapping._traversal_kernels import clip_ray
 
 DECAY_RATE = 0
 DISTANCE_FIELD = 1
+POSTERIOR = 2
+END_POINT = 3
 
 LEAST_MARGIN = 0.05  # no ray gets more weight than at this distance from the least possible cost
-
-
-@kernel(allocates=False)
-def bilinear(values, stride, q_x, q_y):
-    """Interpolate between cell centres: value and its derivatives by the cell coordinates.
-
-    ``q`` counts cells of the rimmed array from the centre of its first; the caller keeps it inside.
-    """
-    j_x = int(q_x)
-    j_y = int(q_y)
-    u = q_x - j_x
-    v = q_y - j_y
-    cell = j_x * stride + j_y
-    f_00 = values[cell]
-    f_01 = values[cell + 1]
-    f_10 = values[cell + stride]
-    f_11 = values[cell + stride + 1]
-    low = f_00 + v * (f_01 - f_00)
-    high = f_10 + v * (f_11 - f_10)
-    return low + u * (high - low), high - low, (1.0 - u) * (f_01 - f_00) + u * (f_11 - f_10)
 
 
 @kernel(allocates=False)
@@ -85,22 +74,10 @@ def hybrid_nll(rates, log_rates, shape, outside, log_outside, p_x, p_y, v_x, v_y
         value += outside * (length - (t_out - t_in))
     else:
         value = outside * length
-    # Beyond the rim's centres the log rate is constant.
-    q_x = e_x + 0.5
-    q_y = e_y + 0.5
-    if 0.0 <= q_x < n_x + 1 and 0.0 <= q_y < n_y + 1:
-        log_rate, f_x, f_y = bilinear(log_rates, stride, q_x, q_y)
-        value -= log_rate
-        if want_gradient:
-            f_x *= inverse
-            f_y *= inverse
-            g_x -= f_x
-            g_y -= f_y
-            m_x -= length * f_x
-            m_y -= length * f_y
-    else:
-        value -= log_outside
-    return value, g_x, g_y, m_x, m_y
+    log_rate, f_x, f_y = extended(log_rates, shape, log_outside, e_x, e_y)
+    f_x *= inverse
+    f_y *= inverse
+    return value - log_rate, g_x - f_x, g_y - f_y, m_x - length * f_x, m_y - length * f_y
 
 
 @kernel(allocates=False)
@@ -114,34 +91,66 @@ def decay_ray(primary, secondary, numbers, log_outside, shape, p_x, p_y, d_x, d_
 
 
 @kernel(allocates=False)
-def field_ray(field, numbers, shape, p_x, p_y, d_x, d_y, length, inverse):
-    """Huber cost of one end point's distance; returns as :func:`decay_ray`."""
-    n_x, n_y = shape
-    q_x = p_x + d_x * length * inverse + 0.5
-    q_y = p_y + d_y * length * inverse + 0.5
-    if 0.0 <= q_x < n_x + 1 and 0.0 <= q_y < n_y + 1:
-        distance, f_x, f_y = bilinear(field, n_y + 2, q_x, q_y)
-    else:
-        distance, f_x, f_y = numbers[0], 0.0, 0.0
-    residual = distance / numbers[1]
-    huber = numbers[2]
+def posterior_ray(shapes, paths, log_rates, numbers, shape, p_x, p_y, d_x, d_y, length, inverse):
+    """Hybrid NLL of one ray under Gamma posteriors of the rates; returns as :func:`decay_ray`."""
+    v_x = d_x * inverse
+    v_y = d_y * inverse
+    value, jump_x, jump_y, moment_x, moment_y = posterior_pass(
+        shapes, paths, shape, numbers[0], numbers[2], p_x, p_y, v_x, v_y, length
+    )
+    log_outside = math.log(numbers[0] / (numbers[2] + 0.5 / inverse))
+    log_rate, f_x, f_y = extended(log_rates, shape, log_outside, p_x + v_x * length, p_y + v_y * length)
+    value -= log_rate
+    g_x = -f_x * inverse
+    g_y = -f_y * inverse
+    m_x = length * g_x
+    m_y = length * g_y
+    if d_x != 0.0:
+        g_x += jump_x / d_x
+        m_x += moment_x / d_x
+    if d_y != 0.0:
+        g_y += jump_y / d_y
+        m_y += moment_y / d_y
+    return value, g_x, g_y, m_x, m_y, 0.5 / max(value - numbers[1], LEAST_MARGIN)
+
+
+@kernel(allocates=False)
+def huber_loss(residual, huber):
+    """Huber's loss and its slope."""
     if residual < huber:
-        value = 0.5 * residual * residual
-        slope = residual
+        return 0.5 * residual * residual, residual
+    return huber * (residual - 0.5 * huber), huber
+
+
+@kernel(allocates=False)
+def mixture_loss(residual, floor, log_peak):
+    """Loss ``-log(peak (exp(-r^2 / 2) + floor))`` of a normal error over a floor, and its slope."""
+    near = math.exp(-0.5 * residual * residual)
+    return -log_peak - math.log(near + floor), residual * near / (near + floor)
+
+
+@kernel(allocates=False)
+def field_ray(model, field, numbers, shape, p_x, p_y, d_x, d_y, length, inverse):
+    """Robust cost of one end point's distance; returns as :func:`decay_ray`."""
+    e_x = p_x + d_x * length * inverse
+    e_y = p_y + d_y * length * inverse
+    distance, f_x, f_y = extended(field, shape, numbers[0], e_x, e_y)
+    residual = distance / numbers[1]
+    if model == END_POINT:
+        value, slope = mixture_loss(residual, numbers[2], numbers[3])
     else:
-        value = huber * (residual - 0.5 * huber)
-        slope = huber
+        value, slope = huber_loss(residual, numbers[2])
     # Gauss-Newton on the residual: H = w f f' with w = slope / residual, in terms of g = slope f.
     g_x = slope * f_x * inverse / numbers[1]
     g_y = slope * f_y * inverse / numbers[1]
-    weight = 1.0 / (slope * residual) if residual > 1e-9 else 0.0
+    weight = 1.0 / (slope * residual) if slope * residual > 1e-18 else 0.0
     return value, g_x, g_y, length * g_x, length * g_y, weight
 
 
 @kernel(allocates=False)
 def scan_cost(
-    model, pose, origins, directions, lengths, first, last, primary, secondary, numbers, shape, low, resolution,
-    information, want_gradient, gradient, hessian,
+    model, pose, origins, directions, lengths, first, last, primary, secondary, tertiary, numbers, shape, low,
+    resolution, information, want_gradient, gradient, hessian,
 ):  # fmt: skip
     """Sum a model's costs over the rays ``first:last`` of one scan; see :func:`scan_batch`."""
     c = math.cos(pose[2])
@@ -160,13 +169,19 @@ def scan_cost(
         d_y = s * directions[k, 0] + c * directions[k, 1]
         p_x = (pose[0] + a_x - low[0]) * inverse
         p_y = (pose[1] + a_y - low[1]) * inverse
-        if model == DECAY_RATE:
-            value, g_x, g_y, m_x, m_y, weight = decay_ray(
-                primary, secondary, numbers, log_outside, shape, p_x, p_y, d_x, d_y, lengths[k], inverse, want_gradient
-            )
+        if tertiary is None:
+            if model == DECAY_RATE:
+                value, g_x, g_y, m_x, m_y, weight = decay_ray(
+                    primary, secondary, numbers, log_outside, shape, p_x, p_y, d_x, d_y, lengths[k], inverse,
+                    want_gradient,
+                )  # fmt: skip
+            else:
+                value, g_x, g_y, m_x, m_y, weight = field_ray(
+                    model, primary, numbers, shape, p_x, p_y, d_x, d_y, lengths[k], inverse
+                )
         else:
-            value, g_x, g_y, m_x, m_y, weight = field_ray(
-                primary, numbers, shape, p_x, p_y, d_x, d_y, lengths[k], inverse
+            value, g_x, g_y, m_x, m_y, weight = posterior_ray(
+                primary, secondary, tertiary, numbers, shape, p_x, p_y, d_x, d_y, lengths[k], inverse
             )
         cost += value
         if want_gradient:
@@ -196,15 +211,15 @@ def scan_cost(
 
 @kernel(allocates=False)
 def scan_batch(
-    model, poses, scan_of_pose, origins, directions, lengths, offsets, primary, secondary, numbers, shape, low,
-    resolution, information, want_gradient, costs, gradients, hessians,
+    model, poses, scan_of_pose, origins, directions, lengths, offsets, primary, secondary, tertiary, numbers, shape,
+    low, resolution, information, want_gradient, costs, gradients, hessians,
 ):  # fmt: skip
     """Cost, gradient and Hessian of many scans at many poses.
 
     Parameters
     ----------
     model : int
-        ``DECAY_RATE`` or ``DISTANCE_FIELD``.
+        One of those above.
     poses : (N, 3) float64
         ``T_map_body``.
     scan_of_pose : (N,) int64
@@ -215,7 +230,9 @@ def scan_batch(
     offsets : (S + 1,) int64
     primary, secondary : flat rimmed float64
         One level of the map.
-    numbers : (3,) float64
+    tertiary : None or flat rimmed float64
+        A third table of it.
+    numbers : (3,) or (4,) float64
         Its numbers.
     shape : (int, int)
         Cells without rim.
@@ -230,6 +247,6 @@ def scan_batch(
     for n in range(poses.shape[0]):
         k = scan_of_pose[n]
         costs[n] = scan_cost(
-            model, poses[n], origins, directions, lengths, offsets[k], offsets[k + 1], primary, secondary, numbers,
-            shape, low, resolution, information, want_gradient, gradients[n], hessians[n],
+            model, poses[n], origins, directions, lengths, offsets[k], offsets[k + 1], primary, secondary, tertiary,
+            numbers, shape, low, resolution, information, want_gradient, gradients[n], hessians[n],
         )  # fmt: skip

@@ -3,12 +3,17 @@
 All levels of a map lie in one pool of bricks, found through one directory. A level is a row of numbers, whose columns
 are named below; its bricks have a primary and a secondary number for every cell:
 
-====================  ===========  ============
-model                 primary      secondary
-====================  ===========  ============
-``DECAY_RATE``        rates, 1/m   log rates
-``DISTANCE_FIELD``    distance, m  distance, m
-====================  ===========  ============
+====================  ===========  ============  ================================
+model                 primary      secondary     parameters
+====================  ===========  ============  ================================
+``DECAY_RATE``        rates, 1/m   log rates     least NLL
+``DISTANCE_FIELD``    distance, m  distance, m   sigma (m), Huber (sigma)
+``POSTERIOR``         shapes       paths, m      least NLL, prior path (m)
+``END_POINT``         distance, m  distance, m   sigma (m), floor, log of the peak
+====================  ===========  ============  ================================
+
+A pool with posteriors has a tertiary number for every cell, the log effective rate, and no decay rates; in others it is
+None, and the walk of posteriors is not compiled for them.
 
 Poses are 4 x 4 matrices, derivatives in the tangent space of the body, rotation first.
 """
@@ -18,14 +23,33 @@ import math
 import numpy as np
 
 from factorloc._jit import kernel
-from factorloc.factors._scan_kernels import DECAY_RATE, LEAST_MARGIN
+from factorloc.factors._scan_kernels import (
+    DECAY_RATE,
+    END_POINT,
+    LEAST_MARGIN,
+    POSTERIOR,
+    huber_loss,
+    mixture_loss,
+)
+from factorloc.factors._spatial_posterior_kernels import spatial_posterior_pass
 from factorloc.factors._trilinear_kernels import trilinear
 from factorloc.mapping._spatial_forward_kernels import integrate_spatial, walk_layers
 from factorloc.mapping._spatial_traversal_kernels import clip_axis
 
 # Columns of a level. The bricks of its directory begin at START and have strides STRIDE_X, STRIDE_Y and 1.
-MODEL, START, STRIDE_X, STRIDE_Y, SIZE_X, SIZE_Y, SIZE_Z, RESOLUTION, OUTSIDE, PARAMETER_A, PARAMETER_B = range(11)
-COLUMNS = 11
+MODEL, START, STRIDE_X, STRIDE_Y, SIZE_X, SIZE_Y, SIZE_Z, RESOLUTION, OUTSIDE = range(9)
+PARAMETER_A, PARAMETER_B, PARAMETER_C = range(9, 12)
+COLUMNS = 12
+
+
+@kernel(allocates=False)
+def extended(directory, values, level, outside, e_x, e_y, e_z):
+    """Interpolate a table at a point in cells of its grid; beyond the centres of the rim it is constant."""
+    if -0.5 <= e_x < level[SIZE_X] + 0.5 and -0.5 <= e_y < level[SIZE_Y] + 0.5 and -0.5 <= e_z < level[SIZE_Z] + 0.5:
+        return trilinear(
+            directory, values, int(level[STRIDE_X]), int(level[STRIDE_Y]), e_x + 15.5, e_y + 15.5, e_z + 15.5
+        )
+    return outside, 0.0, 0.0, 0.0
 
 
 @kernel(allocates=False)
@@ -94,56 +118,74 @@ def decay_ray(directory, primary, secondary, level, p_x, p_y, p_z, d_x, d_y, d_z
         value += outside * (length - (t_out - t_in))
     else:
         value = outside * length
-    if -0.5 <= e_x < n_x + 0.5 and -0.5 <= e_y < n_y + 0.5 and -0.5 <= e_z < n_z + 0.5:
-        log_rate, f_x, f_y, f_z = trilinear(
-            directory, secondary, stride_x, stride_y, e_x + 15.5, e_y + 15.5, e_z + 15.5
-        )
-        value -= log_rate
-        f_x *= inverse
-        f_y *= inverse
-        f_z *= inverse
-        g_x -= f_x
-        g_y -= f_y
-        g_z -= f_z
-        m_x -= length * f_x
-        m_y -= length * f_y
-        m_z -= length * f_z
-    else:
-        value -= math.log(outside)
+    log_rate, f_x, f_y, f_z = extended(directory, secondary, level, math.log(outside), e_x, e_y, e_z)
+    value -= log_rate
+    f_x *= inverse
+    f_y *= inverse
+    f_z *= inverse
+    g_x -= f_x
+    g_y -= f_y
+    g_z -= f_z
+    m_x -= length * f_x
+    m_y -= length * f_y
+    m_z -= length * f_z
     return value, g_x, g_y, g_z, m_x, m_y, m_z, 0.5 / max(value - level[PARAMETER_A], LEAST_MARGIN)
 
 
 @kernel(allocates=False)
-def field_ray(directory, primary, level, p_x, p_y, p_z, d_x, d_y, d_z, length):
-    """Huber cost of one end point's distance; arguments and returns as :func:`decay_ray`."""
+def posterior_ray(directory, shapes, paths, log_rates, level, p_x, p_y, p_z, d_x, d_y, d_z, length):
+    """Hybrid NLL of one ray under Gamma posteriors of the rates; arguments and returns as :func:`decay_ray`."""
+    inverse = 1.0 / level[RESOLUTION]
+    stride_x = int(level[STRIDE_X])
+    stride_y = int(level[STRIDE_Y])
+    shape = int(level[SIZE_X]), int(level[SIZE_Y]), int(level[SIZE_Z])
+    v_x = d_x * inverse
+    v_y = d_y * inverse
+    v_z = d_z * inverse
+    value, jump_x, jump_y, jump_z, moment_x, moment_y, moment_z = spatial_posterior_pass(
+        directory, shapes, paths, stride_x, stride_y, shape, level[OUTSIDE], level[PARAMETER_B],
+        p_x, p_y, p_z, v_x, v_y, v_z, length,
+    )  # fmt: skip
+    log_outside = math.log(level[OUTSIDE] / (level[PARAMETER_B] + 0.5 * level[RESOLUTION]))
+    log_rate, f_x, f_y, f_z = extended(
+        directory, log_rates, level, log_outside, p_x + v_x * length, p_y + v_y * length, p_z + v_z * length
+    )
+    value -= log_rate
+    g_x = -f_x * inverse
+    g_y = -f_y * inverse
+    g_z = -f_z * inverse
+    m_x = length * g_x
+    m_y = length * g_y
+    m_z = length * g_z
+    if d_x != 0.0:
+        g_x += jump_x / d_x
+        m_x += moment_x / d_x
+    if d_y != 0.0:
+        g_y += jump_y / d_y
+        m_y += moment_y / d_y
+    if d_z != 0.0:
+        g_z += jump_z / d_z
+        m_z += moment_z / d_z
+    return value, g_x, g_y, g_z, m_x, m_y, m_z, 0.5 / max(value - level[PARAMETER_A], LEAST_MARGIN)
+
+
+@kernel(allocates=False)
+def field_ray(model, directory, primary, level, p_x, p_y, p_z, d_x, d_y, d_z, length):
+    """Robust cost of one end point's distance; arguments and returns as :func:`decay_ray`."""
     inverse = 1.0 / level[RESOLUTION]
     sigma = level[PARAMETER_A]
-    huber = level[PARAMETER_B]
     e_x = p_x + d_x * inverse * length
     e_y = p_y + d_y * inverse * length
     e_z = p_z + d_z * inverse * length
-    distance = level[OUTSIDE]
-    f_x = 0.0
-    f_y = 0.0
-    f_z = 0.0
-    if (
-        -0.5 <= e_x < level[SIZE_X] + 0.5
-        and -0.5 <= e_y < level[SIZE_Y] + 0.5
-        and -0.5 <= e_z < level[SIZE_Z] + 0.5
-    ):
-        distance, f_x, f_y, f_z = trilinear(
-            directory, primary, int(level[STRIDE_X]), int(level[STRIDE_Y]), e_x + 15.5, e_y + 15.5, e_z + 15.5
-        )
+    distance, f_x, f_y, f_z = extended(directory, primary, level, level[OUTSIDE], e_x, e_y, e_z)
     residual = distance / sigma
-    if residual < huber:
-        value = 0.5 * residual * residual
-        slope = residual
+    if model == END_POINT:
+        value, slope = mixture_loss(residual, level[PARAMETER_B], level[PARAMETER_C])
     else:
-        value = huber * (residual - 0.5 * huber)
-        slope = huber
+        value, slope = huber_loss(residual, level[PARAMETER_B])
     # Gauss-Newton on the residual: H = w f f' with w = slope / residual, in terms of g = slope f.
     scale = slope * inverse / sigma
-    weight = 1.0 / (slope * residual) if residual > 1e-9 else 0.0
+    weight = 1.0 / (slope * residual) if slope * residual > 1e-18 else 0.0
     g_x = scale * f_x
     g_y = scale * f_y
     g_z = scale * f_z
@@ -152,8 +194,8 @@ def field_ray(directory, primary, level, p_x, p_y, p_z, d_x, d_y, d_z, length):
 
 @kernel
 def spatial_scan_cost(
-    pose, origins, directions, lengths, first, last, low, directory, primary, secondary, level, information,
-    want_gradient, gradient, hessian,
+    pose, origins, directions, lengths, first, last, low, directory, primary, secondary, tertiary, level,
+    information, want_gradient, gradient, hessian,
 ):  # fmt: skip
     """Sum a level's costs over the rays ``first:last`` of one scan; see :func:`spatial_scan_batch`."""
     r_00 = pose[0, 0]
@@ -190,13 +232,22 @@ def spatial_scan_cost(
         d_x = r_00 * b_x + r_01 * b_y + r_02 * b_z
         d_y = r_10 * b_x + r_11 * b_y + r_12 * b_z
         d_z = r_20 * b_x + r_21 * b_y + r_22 * b_z
-        if model == DECAY_RATE:
-            value, g_x, g_y, g_z, m_x, m_y, m_z, weight = decay_ray(
-                places, primary, secondary, level, p_x, p_y, p_z, d_x, d_y, d_z, lengths[k], want_gradient
+        if tertiary is None:
+            if model == DECAY_RATE:
+                value, g_x, g_y, g_z, m_x, m_y, m_z, weight = decay_ray(
+                    places, primary, secondary, level, p_x, p_y, p_z, d_x, d_y, d_z, lengths[k], want_gradient
+                )
+            else:
+                value, g_x, g_y, g_z, m_x, m_y, m_z, weight = field_ray(
+                    model, places, primary, level, p_x, p_y, p_z, d_x, d_y, d_z, lengths[k]
+                )
+        elif model == POSTERIOR:
+            value, g_x, g_y, g_z, m_x, m_y, m_z, weight = posterior_ray(
+                places, primary, secondary, tertiary, level, p_x, p_y, p_z, d_x, d_y, d_z, lengths[k]
             )
         else:
             value, g_x, g_y, g_z, m_x, m_y, m_z, weight = field_ray(
-                places, primary, level, p_x, p_y, p_z, d_x, d_y, d_z, lengths[k]
+                model, places, primary, level, p_x, p_y, p_z, d_x, d_y, d_z, lengths[k]
             )
         cost += value
         if want_gradient:
@@ -228,7 +279,7 @@ def spatial_scan_cost(
 
 @kernel(allocates=False)
 def spatial_scan_batch(
-    poses, scan_of_pose, origins, directions, lengths, offsets, low, directory, primary, secondary, level,
+    poses, scan_of_pose, origins, directions, lengths, offsets, low, directory, primary, secondary, tertiary, level,
     information, want_gradient, costs, gradients, hessians,
 ):  # fmt: skip
     """Cost, gradient and Hessian of many scans at many poses.
@@ -249,7 +300,9 @@ def spatial_scan_batch(
         Bricks of every place, of all levels one after the other.
     primary, secondary : float32, flat
         The pool.
-    level : (11,) float64
+    tertiary : None or float32, flat
+        A third number of its cells.
+    level : (12,) float64
         Numbers of the level.
     information : float
         Factor of all costs.
@@ -261,5 +314,5 @@ def spatial_scan_batch(
         k = scan_of_pose[n]
         costs[n] = spatial_scan_cost(
             poses[n], origins, directions, lengths, offsets[k], offsets[k + 1], low, directory, primary, secondary,
-            level, information, want_gradient, gradients[n], hessians[n],
+            tertiary, level, information, want_gradient, gradients[n], hessians[n],
         )  # fmt: skip

@@ -26,8 +26,9 @@ Array = npt.NDArray[np.float64]
 class DistanceFieldTerm(GridScanTerm):
     """Likelihood field: robust distance from each end point to the nearest reflecting cell.
 
-    The model most localizers use, with the same coarse-to-fine treatment as :class:`~factorloc.factors.DecayRateTerm`: the distance field
-    is blurred, and its scale widened, by the blur of each level.
+    The model most localizers use, with the same coarse-to-fine treatment as
+    :class:`~factorloc.factors.DecayRateTerm`: the distance field is blurred, and its scale widened, by the blur of each
+    level.
 
     Parameters
     ----------

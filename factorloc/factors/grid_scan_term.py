@@ -1,4 +1,4 @@
-"""Scan terms that look up rays in tables over a grid, and the decay-rate model as one of them."""
+"""Scan terms that look up rays in tables over a grid, and the decay-rate models as two of them."""
 
 from __future__ import annotations
 
@@ -9,14 +9,15 @@ import numpy.typing as npt
 
 from factorloc._jit import in_threads
 from factorloc.errors import GeometryError, MapError
-from factorloc.factors._scan_kernels import DECAY_RATE, scan_batch
+from factorloc.factors._scan_kernels import DECAY_RATE, POSTERIOR, scan_batch
 from factorloc.factors.scan_term import ScanCosts
 from factorloc.mapping.grid import Grid
+from factorloc.mapping.posterior_pyramid import PosteriorPyramid
 from factorloc.mapping.pyramid import BlurPyramid
 from factorloc.rays import Rays, pack
 from factorloc.scan import Scan
 
-__all__ = ["DecayRateTerm", "GridScanTerm"]
+__all__ = ["DecayRateTerm", "GridScanTerm", "PosteriorTerm"]
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
@@ -58,12 +59,14 @@ class GridScanTerm:
         Blur of each level, m.
     primary, secondary : ndarray, shape (L, cells with rim)
         Tables of each level.
-    numbers : ndarray, shape (L, 3)
+    numbers : ndarray, shape (L, 3) or (L, 4)
         Numbers of each level.
     scans : sequence of Scan, or Rays
         One scan a pose; rays without return do not take part.
     information : float
         Factor of all costs.
+    tertiary : ndarray, shape (L, cells with rim), optional
+        A third table of each level.
 
     Raises
     ------
@@ -81,9 +84,10 @@ class GridScanTerm:
         numbers: Array,
         scans: Sequence[Scan] | Rays,
         information: float,
+        tertiary: Array | None = None,
     ) -> None:
         self.model, self.grid, self.information = model, grid, information
-        self.primary, self.secondary, self.numbers = primary, secondary, numbers
+        self.primary, self.secondary, self.tertiary, self.numbers = primary, secondary, tertiary, numbers
         self.rays = _returns(scans, grid.dimension)
         self._blurs = tuple(float(blur) for blur in blurs)
 
@@ -136,12 +140,13 @@ class GridScanTerm:
         n = len(array)
         cost, gradient, hessian = np.empty(n), np.empty((n, 3)), np.empty((n, 3, 3))
         rays = self.rays
+        tertiary = None if self.tertiary is None else self.tertiary[level]
 
         def evaluate(first: int, last: int) -> None:
             part = slice(first, last)
             scan_batch(
                 self.model, array[part], index[part], rays.origins, rays.directions, rays.ranges, rays.offsets,
-                self.primary[level], self.secondary[level], self.numbers[level], *self.layout,
+                self.primary[level], self.secondary[level], tertiary, self.numbers[level], *self.layout,
                 self.information, want_gradient, cost[part], gradient[part], hessian[part],
             )  # fmt: skip
 
@@ -190,6 +195,54 @@ class DecayRateTerm(GridScanTerm):
             np.array([[level.outside, level.least_nll, 0.0] for level in levels]),
             scans,
             information,
+        )
+
+    def least_cost(self, level: int = -1) -> Array:
+        """Lower bound of the cost of each scan, shape (S,)."""
+        return np.asarray(self.information * self.numbers[level, 1] * np.diff(self.rays.offsets))
+
+
+class PosteriorTerm(GridScanTerm):
+    """Hybrid negative log-likelihood of scans under the full posterior of the decay rates (thesis, section 8.4.5).
+
+    Per ray with a return: ``sum a_i log1p(r_i / b_i)`` over the cells it crosses, exactly, minus the interpolated
+    logarithm of the effective rate ``a / (b + h / 2)`` at its end, with ``a = H + alpha``, ``b = R + beta`` and cells
+    of edge ``h``. Cells few rays have met say less than in :class:`DecayRateTerm`, where their rate is taken for known.
+
+    The density has ``a / (b + r)`` at the end, which jumps from cell to cell by the path ``r`` of the ray in the last;
+    half a cell is the path of a ray that ends anywhere in it. The posterior mean ``a / b`` will not do: a prior learned
+    from a map is often as good as no path, so that its mean is high, and a scan would be likeliest in space nobody
+    has seen, which it passes for next to nothing. What holds of :class:`DecayRateTerm` otherwise holds here: the
+    residual, rays without return, and that this is no density
+    (:class:`~factorloc.mapping.decay_rate.DecayRatePosterior` is).
+
+    Parameters
+    ----------
+    pyramid : PosteriorPyramid
+        The map at several blurs.
+    scans : sequence of Scan, or Rays
+        One scan a pose.
+    information : float
+        Factor of all costs, at most 1.
+
+    Raises
+    ------
+    MapError
+        If scans and map differ in dimension.
+    """
+
+    def __init__(self, pyramid: PosteriorPyramid, scans: Sequence[Scan] | Rays, information: float = 1.0) -> None:
+        levels, prior = pyramid.levels, pyramid.prior
+        super().__init__(
+            POSTERIOR,
+            pyramid.grid,
+            pyramid.blurs,
+            np.stack([level.shapes for level in levels]),
+            np.stack([level.paths for level in levels]),
+            np.array([[prior.shape, level.least_nll, prior.path] for level in levels]),
+            scans,
+            information,
+            np.stack([level.log_rates for level in levels]),
         )
 
     def least_cost(self, level: int = -1) -> Array:

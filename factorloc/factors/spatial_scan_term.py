@@ -1,4 +1,4 @@
-"""Scan terms in space: the decay-rate model and the distance field over one pool of bricks."""
+"""Scan terms in space: decay rates, their posteriors and distance fields over one pool of bricks."""
 
 from __future__ import annotations
 
@@ -27,9 +27,10 @@ _PARALLEL_RAYS = 2_000
 class SpatialScanTerm:
     """Costs of spatial scans in a map, level by level, coarse to fine.
 
-    A level is either decay rates, with the hybrid negative log-likelihood of
-    :class:`~factorloc.factors.DecayRateTerm`, or a distance field. The finest level should be decay rates: a distance
-    field is quick and sees far, but draws end points to the middle of cells.
+    A level is decay rates, with the hybrid negative log-likelihood of :class:`~factorloc.factors.DecayRateTerm`, their
+    posteriors, with that of :class:`~factorloc.factors.PosteriorTerm`, an end-point model
+    (:class:`~factorloc.factors.EndPointTerm`) or a distance field. The finest level should be decay rates or their
+    posteriors: a distance field is quick and sees far, but draws end points to the middle of cells.
 
     Parameters
     ----------
@@ -108,8 +109,8 @@ class SpatialScanTerm:
             part = slice(first, last)
             spatial_scan_batch(
                 array[part], index[part], rays.origins, rays.directions, rays.ranges, rays.offsets, tables.low,
-                tables.directory, tables.primary, tables.secondary, tables.numbers[level], self.information,
-                want_gradient, cost[part], gradient[part], hessian[part],
+                tables.directory, tables.primary, tables.secondary, tables.tertiary, tables.numbers[level],
+                self.information, want_gradient, cost[part], gradient[part], hessian[part],
             )  # fmt: skip
 
         if n * len(rays.ranges) > _PARALLEL_RAYS * len(rays):

@@ -3,6 +3,7 @@
 And Monte Carlo localization by particles: propagate, reweight, resample, estimate.
 """
 
+from factorloc.localization.derivative_free import RefinementSettings, refine
 from factorloc.localization.initialization import AroundPose, FreeSpace, Initialization, NormalStart
 from factorloc.localization.kld import KldSettings
 from factorloc.localization.lidar_odometry import (
@@ -45,6 +46,7 @@ __all__ = [
     "PoseEstimate",
     "PreparedMap",
     "RecoverySettings",
+    "RefinementSettings",
     "Registration",
     "RegistrationSettings",
     "ScanFactors",
@@ -56,6 +58,7 @@ __all__ = [
     "localize",
     "localize_by_particles",
     "optimize",
+    "refine",
     "register",
     "register_many",
     "smooth",

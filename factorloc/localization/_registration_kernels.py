@@ -109,8 +109,8 @@ def add_prior(pose, mean, world, gradient, hessian):
 
 @kernel
 def descend(
-    model, pose, origins, directions, lengths, first, last, primary, secondary, numbers, blurs, levels, shape, low,
-    resolution, information, mean, world, limits, scan_hessian,
+    model, pose, origins, directions, lengths, first, last, primary, secondary, tertiary, numbers, blurs, levels,
+    shape, low, resolution, information, mean, world, limits, scan_hessian,
 ):  # fmt: skip
     """Minimize scan cost plus prior through the levels; ``pose`` and ``scan_hessian`` are written.
 
@@ -140,6 +140,7 @@ def descend(
         cost = math.inf
         damping = limits[5]
         least = max(limits[4], 0.01 * blurs[level])
+        third = None if tertiary is None else tertiary[level]
         converged = False
         translation = math.inf
         rotation = math.inf
@@ -148,7 +149,8 @@ def descend(
         for attempt in range(int(limits[0]) + 1):
             new_cost = scan_cost(
                 model, trial, origins, directions, lengths, first, last, primary[level], secondary[level],
-                numbers[level], shape, low, resolution, information, want_gradient, new_gradient, new_scan_hessian,
+                third, numbers[level], shape, low, resolution, information, want_gradient, new_gradient,
+                new_scan_hessian,
             )  # fmt: skip
             copy_matrix(new_scan_hessian, new_hessian)
             new_cost += add_prior(trial, mean, world, new_gradient, new_hessian)
@@ -182,13 +184,13 @@ def descend(
 
 @kernel(allocates=False)
 def register_batch(
-    model, poses, scan_of_pose, origins, directions, lengths, offsets, primary, secondary, numbers, blurs, levels,
-    shape, low, resolution, information, mean, world, limits, costs, hessians, trials, converged,
+    model, poses, scan_of_pose, origins, directions, lengths, offsets, primary, secondary, tertiary, numbers, blurs,
+    levels, shape, low, resolution, information, mean, world, limits, costs, hessians, trials, converged,
 ):  # fmt: skip
     """Run :func:`descend` for N guesses; ``poses`` (N, 3) is overwritten, the last four arrays (N, ...) are written."""
     for n in range(poses.shape[0]):
         k = scan_of_pose[n]
         costs[n], trials[n], converged[n] = descend(
-            model, poses[n], origins, directions, lengths, offsets[k], offsets[k + 1], primary, secondary, numbers,
-            blurs, levels, shape, low, resolution, information, mean, world, limits, hessians[n],
+            model, poses[n], origins, directions, lengths, offsets[k], offsets[k + 1], primary, secondary, tertiary,
+            numbers, blurs, levels, shape, low, resolution, information, mean, world, limits, hessians[n],
         )  # fmt: skip

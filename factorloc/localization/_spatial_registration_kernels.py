@@ -160,8 +160,8 @@ def copy_square(source, target):
 
 @kernel
 def descend_spatial(
-    pose, origins, directions, lengths, first, last, low, directory, primary, secondary, numbers, blurs, levels,
-    information, mean, prior, limits, scan_hessian,
+    pose, origins, directions, lengths, first, last, low, directory, primary, secondary, tertiary, numbers, blurs,
+    levels, information, mean, prior, limits, scan_hessian,
 ):  # fmt: skip
     """Minimize scan cost plus prior (a mean and its information) through the levels.
 
@@ -204,8 +204,8 @@ def descend_spatial(
         # The first round evaluates where the level starts; each of the others tries a step.
         for attempt in range(int(limits[0]) + 1):
             new_cost = spatial_scan_cost(
-                trial, origins, directions, lengths, first, last, low, directory, primary, secondary, numbers[level],
-                information, want_gradient, new_gradient, new_scan_hessian,
+                trial, origins, directions, lengths, first, last, low, directory, primary, secondary, tertiary,
+                numbers[level], information, want_gradient, new_gradient, new_scan_hessian,
             )  # fmt: skip
             copy_square(new_scan_hessian, new_hessian)
             new_cost += add_spatial_prior(trial, mean, prior, new_gradient, new_hessian, residual, jacobian)
@@ -242,8 +242,8 @@ def descend_spatial(
 
 @kernel(allocates=False)
 def register_spatial_batch(
-    poses, scan_of_pose, origins, directions, lengths, offsets, low, directory, primary, secondary, numbers, blurs,
-    levels, information, mean, prior, limits, costs, hessians, trials, converged,
+    poses, scan_of_pose, origins, directions, lengths, offsets, low, directory, primary, secondary, tertiary, numbers,
+    blurs, levels, information, mean, prior, limits, costs, hessians, trials, converged,
 ):  # fmt: skip
     """Run :func:`descend_spatial` for N guesses.
 
@@ -253,5 +253,5 @@ def register_spatial_batch(
         k = scan_of_pose[n]
         costs[n], trials[n], converged[n] = descend_spatial(
             poses[n], origins, directions, lengths, offsets[k], offsets[k + 1], low, directory, primary, secondary,
-            numbers, blurs, levels, information, mean, prior, limits, hessians[n],
+            tertiary, numbers, blurs, levels, information, mean, prior, limits, hessians[n],
         )  # fmt: skip

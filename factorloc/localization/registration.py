@@ -153,12 +153,12 @@ def register_many(
             tables = term.tables
             register_spatial_batch(
                 poses[part], scan[part], *block, tables.low, tables.directory, tables.primary, tables.secondary,
-                tables.numbers, blurs, through, term.information, *_spatial(prior), *written,
+                tables.tertiary, tables.numbers, blurs, through, term.information, *_spatial(prior), *written,
             )  # fmt: skip
         else:
             register_batch(
-                term.model, poses[part], scan[part], *block, term.primary, term.secondary, term.numbers, blurs, through,
-                *term.layout, term.information, *_in_world(prior), *written,
+                term.model, poses[part], scan[part], *block, term.primary, term.secondary, term.tertiary, term.numbers,
+                blurs, through, *term.layout, term.information, *_in_world(prior), *written,
             )  # fmt: skip
 
     in_threads(descend, n)

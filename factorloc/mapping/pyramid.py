@@ -15,9 +15,12 @@ from factorloc.mapping.decay_rate import rimmed
 from factorloc.mapping.grid import Grid
 from factorloc.mapping.ray_statistics import RayStatistics
 
-__all__ = ["DEFAULT_BLURS", "BlurPyramid", "PyramidLevel"]
+__all__ = ["BLUR_REACH", "DEFAULT_BLURS", "BlurPyramid", "PyramidLevel", "blurred_counts", "checked_blurs"]
 
 Array = npt.NDArray[np.float64]
+
+BLUR_REACH = 3.0
+"""Standard deviations after which a blur ends."""
 
 DEFAULT_BLURS = (1.0, 0.5, 0.25, 0.1, 0.0)
 """Standard deviations of the blur, m, coarse to fine."""
@@ -86,9 +89,7 @@ class BlurPyramid:
         MapError
             If the blurs do not decrease, the pseudo path is not positive, or the map holds no hit.
         """
-        decreasing = all(a > b for a, b in itertools.pairwise(blurs))
-        if not (len(blurs) > 0 and decreasing and np.isfinite(blurs[0]) and blurs[-1] >= 0):
-            raise MapError(f"blurs: {tuple(blurs)} m; expected decreasing lengths, 0 at the end for the map itself")
+        checked = checked_blurs(blurs)
         b = statistics.grid.resolution if pseudo_path is None else pseudo_path
         if not (np.isfinite(b) and b > 0):
             raise MapError(f"pseudo_path: {b} m; expected a positive length")
@@ -97,12 +98,12 @@ class BlurPyramid:
             raise MapError("map: it holds no hit, or no path; nothing to localize in")
         mean = H.sum() / R.sum()
         levels = []
-        for blur in blurs:
+        for blur in checked:
             sigma = blur / statistics.grid.resolution
-            H_blurred, R_blurred = (_blur(values, sigma) for values in (H, R))
+            H_blurred, R_blurred = (blurred_counts(values, sigma) for values in (H, R))
             rates = rimmed((H_blurred + mean * b) / (R_blurred + b), mean).ravel()
             least = -np.log(rates.max()) - 0.5
-            levels.append(PyramidLevel(float(blur), rates, np.log(rates), float(mean), float(least)))
+            levels.append(PyramidLevel(blur, rates, np.log(rates), float(mean), float(least)))
         return cls(statistics.grid, tuple(levels))
 
     @property
@@ -111,8 +112,23 @@ class BlurPyramid:
         return tuple(level.blur for level in self.levels)
 
 
-def _blur(values: Array, sigma: float) -> Array:
+def checked_blurs(blurs: Sequence[float]) -> tuple[float, ...]:
+    """Blurs of a pyramid.
+
+    Raises
+    ------
+    MapError
+        If there is none, or they do not decrease down to 0 or more.
+    """
+    decreasing = all(a > b for a, b in itertools.pairwise(blurs))
+    if not (len(blurs) > 0 and decreasing and np.isfinite(blurs[0]) and blurs[-1] >= 0):
+        raise MapError(f"blurs: {tuple(blurs)} m; expected decreasing lengths, 0 at the end for the map itself")
+    return tuple(float(blur) for blur in blurs)
+
+
+def blurred_counts(values: Array, sigma: float) -> Array:
+    """Counts blurred by a Gaussian of ``sigma`` cells; beyond the border nothing is known, neither hits nor path."""
     if sigma == 0:
         return values
-    # Beyond the border nothing is known: neither hits nor path. Rounding may leave tiny negative sums.
-    return np.maximum(gaussian_filter(values, sigma, mode="constant", truncate=3.0), 0.0)
+    # Rounding may leave tiny negative sums.
+    return np.maximum(gaussian_filter(values, sigma, mode="constant", truncate=BLUR_REACH), 0.0)

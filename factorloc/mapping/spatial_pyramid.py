@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import gaussian_filter
 
 from factorloc.errors import MapError
 from factorloc.mapping.brick_statistics import BrickStatistics
 from factorloc.mapping.cell_table import CellTable
 from factorloc.mapping.grid import Grid, require_memory
+from factorloc.mapping.pyramid import BLUR_REACH, blurred_counts, checked_blurs
 from factorloc.mapping.ray_statistics import RayStatistics
 
 __all__ = ["SPATIAL_BLURS", "SpatialLevel", "SpatialPyramid", "pooled"]
@@ -22,8 +21,6 @@ Array = npt.NDArray[np.float64]
 
 SPATIAL_BLURS = (1.0, 0.5, 0.25, 0.0)
 """Standard deviations of the blur, m, coarse to fine."""
-
-_TRUNCATE = 3.0  # standard deviations
 
 
 @dataclass(frozen=True)
@@ -80,18 +77,16 @@ class SpatialPyramid:
             raise MapError("map: planar; use BlurPyramid")
         if isinstance(statistics, RayStatistics):
             statistics = BrickStatistics.from_dense(statistics)
-        decreasing = all(a > b for a, b in itertools.pairwise(blurs))
-        if not (len(blurs) > 0 and decreasing and np.isfinite(blurs[0]) and blurs[-1] >= 0):
-            raise MapError(f"blurs: {tuple(blurs)} m; expected decreasing lengths, 0 at the end for the map itself")
+        checked = checked_blurs(blurs)
         hits, path = statistics.hits.sum(), statistics.path_lengths.sum()
         if hits == 0 or path == 0:
             raise MapError("map: it holds no hit, or no path; nothing to localize in")
         mean = float(hits / path)
         levels = []
-        for blur in blurs:
-            rates = _blurred_rates(statistics, float(blur), mean)
+        for blur in checked:
+            rates = _blurred_rates(statistics, blur, mean)
             least = -np.log(rates.pool.max()) - 0.5
-            levels.append(SpatialLevel(float(blur), rates, rates.map(np.log), float(least)))
+            levels.append(SpatialLevel(blur, rates, rates.map(np.log), float(least)))
         return cls(statistics.grid, tuple(levels))
 
     @property
@@ -146,19 +141,14 @@ def _blurred_rates(statistics: BrickStatistics, blur: float, mean: float) -> Cel
         )
     # What the larger cells blur already (a box of variance size^2 / 12) is not blurred again.
     sigma = np.sqrt(max(blur**2 - (size**2 - resolution**2) / 12, 0.0)) / size
+
+    def blurred(H: Array, R: Array) -> Array:
+        return rates(*(blurred_counts(np.asarray(values, np.float32), sigma) for values in (H, R)))
+
     if factor > 1:
         grid, H, R = pooled(statistics, factor)
-        return CellTable.from_dense(grid, rates(_blur(H, sigma), _blur(R, sigma)), mean)
-    halo = int(_TRUNCATE * sigma + 0.5)
+        return CellTable.from_dense(grid, blurred(H, R), mean)
+    halo = int(BLUR_REACH * sigma + 0.5)
     return CellTable.from_neighbourhoods(
-        statistics,
-        lambda part: rates(_blur(part.hits.astype(np.float64), sigma), _blur(part.path_lengths, sigma)),
-        halo,
-        mean,
+        statistics, lambda part: blurred(part.hits.astype(np.float64), part.path_lengths), halo, mean
     )
-
-
-def _blur(values: Array, sigma: float) -> Array:
-    # Beyond the border nothing is known: neither hits nor path. Rounding may leave tiny negative sums.
-    single = np.asarray(values, np.float32)
-    return np.maximum(gaussian_filter(single, sigma, mode="constant", truncate=_TRUNCATE), 0.0)

@@ -7,9 +7,11 @@ import pytest
 import shapely
 from loose_rays import BLURS, LooseRays, draw_rays
 
-from factorloc.factors import DecayRateTerm, DistanceFieldTerm
+from factorloc.factors import DecayRateTerm, DistanceFieldTerm, EndPointLevels, EndPointTerm, PosteriorTerm
 from factorloc.factors.grid_scan_term import GridScanTerm
 from factorloc.mapping import BlurPyramid, RayStatistics
+from factorloc.mapping.end_point import EndPointModel
+from factorloc.mapping.posterior_pyramid import PosteriorPyramid
 from factorloc.scan import Scan
 from factorloc.simulation import FloorPlan, Foliage, PlanarLidar
 
@@ -41,10 +43,16 @@ def statistics(drawn: tuple[list[Scan], np.ndarray]) -> RayStatistics:
 def make_term(statistics: RayStatistics) -> Callable[..., GridScanTerm]:
     """Terms of rays or scans by the name of their model."""
     pyramid = BlurPyramid.from_statistics(statistics, BLURS)
+    posterior = PosteriorPyramid.from_statistics(statistics, BLURS)
+    ends = EndPointLevels.of(EndPointModel.from_statistics(statistics, 0.15), BLURS)
 
     def make(model, scans, information=1.0):
         if model == "decay-rate":
             return DecayRateTerm(pyramid, scans, information)
+        if model == "decay-rate-posterior":
+            return PosteriorTerm(posterior, scans, information)
+        if model == "end-point":
+            return EndPointTerm(ends, scans, information, 5.0)
         return DistanceFieldTerm(statistics, scans, information, blurs=BLURS)
 
     return make

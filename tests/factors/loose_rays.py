@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from naive import Ray, lengths_by_cell
 
-from factorloc.factors import DecayRateTerm
+from factorloc.factors import DecayRateTerm, EndPointTerm, PosteriorTerm
 from factorloc.factors.grid_scan_term import GridScanTerm
 from factorloc.geometry import se2
 from factorloc.mapping import Grid
@@ -14,7 +14,7 @@ from factorloc.rays import Rays
 from factorloc.scan import RayStatus
 
 BLURS = (0.5, 0.1, 0.0)
-MODELS = ("decay-rate", "distance-field")
+MODELS = ("decay-rate", "decay-rate-posterior", "end-point", "distance-field")
 
 
 @dataclass(frozen=True)
@@ -90,15 +90,28 @@ def naive_cost(term: GridScanTerm, level: int, ray: Ray) -> float:
             for cell, length in lengths_by_cell(ray, grid).items()
         )
         return integral - interpolated(term.secondary[level].reshape(shape), grid, end)
+    if isinstance(term, PosteriorTerm):
+        shapes, paths = term.primary[level].reshape(shape), term.secondary[level].reshape(shape)
+        passing = 0.0
+        for cell, length in lengths_by_cell(ray, grid).items():
+            at = (0, 0) if cell is None else (cell[0] + 1, cell[1] + 1)
+            passing += shapes[at] * math.log1p(length / paths[at])
+        return passing - interpolated(term.tertiary[level].reshape(shape), grid, end)
     residual = interpolated(term.primary[level].reshape(shape), grid, end) / numbers[1]
+    if isinstance(term, EndPointTerm):
+        return -math.log(math.exp(numbers[3] - 0.5 * residual**2) + 0.05 / 5.0)
     huber = numbers[2]
     return 0.5 * residual**2 if residual <= huber else huber * (residual - 0.5 * huber)
 
 
 def weight(term: GridScanTerm, level: int, cost: float) -> float:
     """Weight of a ray's outer product: Gauss-Newton on the square root of twice its cost above the least, robustly."""
-    if isinstance(term, DecayRateTerm):
+    if isinstance(term, DecayRateTerm | PosteriorTerm):
         return 0.5 / max(cost - term.numbers[level, 1], 0.05)
+    if isinstance(term, EndPointTerm):
+        near = max(math.exp(-cost - term.numbers[level, 3]) - term.numbers[level, 2], 1e-12)
+        square = -2 * math.log(min(near, 1.0))
+        return (near + term.numbers[level, 2]) / (near * square) if square > 1e-12 else 0.0
     huber = term.numbers[level, 2]
     residual = math.sqrt(2 * cost) if cost <= 0.5 * huber**2 else cost / huber + 0.5 * huber
     return 1 / (min(residual, huber) * residual)

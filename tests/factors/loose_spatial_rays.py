@@ -91,3 +91,18 @@ def weight(level: SpatialLevel | DistanceTable, cost: float) -> float:
         return 0.5 / max(cost - level.least_nll, LEAST_MARGIN)
     residual = np.sqrt(2 * cost) if cost <= 0.5 * level.huber**2 else cost / level.huber + 0.5 * level.huber
     return 1 / (min(residual, level.huber) * residual)
+
+
+def numerical_gradient(cost, poses: np.ndarray, step: float) -> np.ndarray:
+    """Central differences of costs (N,) by the tangent vectors of poses (N, 4, 4)."""
+    columns = []
+    for axis in np.eye(6):
+        ahead, behind = (cost(se3.compose(poses, se3.exp(sign * step * axis))) for sign in (1, -1))
+        columns.append((ahead - behind) / (2 * step))
+    return np.stack(columns, -1)
+
+
+def agree(a: np.ndarray, b: np.ndarray, tolerance: float) -> np.ndarray:
+    """Which rows (N, ...) are equal, relative to their length."""
+    a, b = a.reshape(len(a), -1), b.reshape(len(b), -1)
+    return np.linalg.norm(a - b, axis=1) < tolerance * (1 + np.linalg.norm(b, axis=1))

@@ -69,10 +69,11 @@ def test_neither_threads_nor_their_number_change_anything(make_term, scans, pose
         assert (getattr(parallel, name) == getattr(single, name)).all()
     n = len(many)
     serial = ScanCosts(np.empty(n), np.empty((n, 3)), np.empty((n, 3, 3)))
-    rays = term.rays
+    rays, tertiary = term.rays, None if term.tertiary is None else term.tertiary[-1]
     scan_batch(
         term.model, many, index, rays.origins, rays.directions, rays.ranges, rays.offsets, term.primary[-1],
-        term.secondary[-1], term.numbers[-1], *term.layout, 1.0, True, serial.cost, serial.gradient, serial.hessian,
+        term.secondary[-1], tertiary, term.numbers[-1], *term.layout, 1.0, True, serial.cost, serial.gradient,
+        serial.hessian,
     )  # fmt: skip
     assert_close(parallel, ScanCosts(*(0.2 * getattr(serial, name) for name in ARRAYS)), 1e-12)
     assert_close(parallel, ScanCosts(*(np.concatenate([part] * 40) for part in _parts(term.batch(poses)))), 1e-12)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from loose_spatial_rays import draw_spatial_rays, naive_cost, weight
+from loose_spatial_rays import agree, draw_spatial_rays, naive_cost, numerical_gradient, weight
 
 from factorloc import _jit
 from factorloc.errors import GeometryError, MapError
@@ -44,21 +44,6 @@ LOOSE = draw_spatial_rays(COUNTS.grid, 400, seed=3)
 TERM = SpatialScanTerm(TABLES, LOOSE.rays)
 
 levels = pytest.mark.parametrize("level", range(len(LEVELS)), ids=["field", "0.5", "0.25", "0"])
-
-
-def numerical_gradient(cost, poses: np.ndarray, step: float) -> np.ndarray:
-    """Central differences of costs (N,) by the tangent vectors of poses (N, 4, 4)."""
-    columns = []
-    for axis in np.eye(6):
-        ahead, behind = (cost(se3.compose(poses, se3.exp(sign * step * axis))) for sign in (1, -1))
-        columns.append((ahead - behind) / (2 * step))
-    return np.stack(columns, -1)
-
-
-def agree(a: np.ndarray, b: np.ndarray, tolerance: float) -> np.ndarray:
-    """Which rows (N, ...) are equal, relative to their length."""
-    a, b = a.reshape(len(a), -1), b.reshape(len(b), -1)
-    return np.linalg.norm(a - b, axis=1) < tolerance * (1 + np.linalg.norm(b, axis=1))
 
 
 def smooth_at(level: int) -> tuple[np.ndarray, np.ndarray]:
