@@ -17,7 +17,7 @@ from factorloc.mapping.cell_table import CellTable
 from factorloc.mapping.decay_rate import rimmed
 from factorloc.mapping.end_point import EndPointModel
 from factorloc.mapping.grid import Grid
-from factorloc.mapping.posterior_pyramid import checked_blurs
+from factorloc.mapping.pyramid import checked_blurs
 
 __all__ = ["EndPointLevels"]
 
