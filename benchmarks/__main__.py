@@ -45,6 +45,8 @@ RUNS = {
     "basin": Run("basin"),
     "kitti0005": Run("kitti0005", needs_data=True),
     "posterior_simulation": Run("posterior_simulation"),
+    "mcl_speed": Run("mcl_speed"),
+    "maps_large": Run("maps_large"),
 }
 """Every published table and ratio, by the name of its files."""
 

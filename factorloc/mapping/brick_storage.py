@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,10 @@ from factorloc.mapping.hdf5 import CheckedFile
 from factorloc.mapping.visited_cells import VisitedCells
 
 __all__ = ["BRICK_ARRAYS", "COUNTS", "check_bricks", "read_bricks"]
+
+Index = npt.NDArray[np.int64]
+
+_MOST_UNPACKED = 1_000_000  # cells at a time
 
 BRICK_ARRAYS: dict[str, np.dtype[Any]] = {
     "bricks": np.dtype(np.int64),
@@ -74,13 +79,10 @@ def read_bricks(file: CheckedFile, whole: Grid, grid: Grid, scans: int, left_out
     corners = BrickLayout(whole, bricks).corners()
     shift = np.round((np.array(grid.origin) - whole.origin) / whole.resolution).astype(np.int64)
     near = np.asarray(((corners + BRICK > shift) & (corners < shift + grid.shape)).all(1))
-    require_memory(18 * int(np.diff(offsets)[near].sum()), f"{file.path}: a map of {int(near.sum())} bricks")
-    arrays = {name: _rows(file, name, offsets, near) for name in ("local", "hits", "misses", "path_fixed")}
-    if (arrays["path_fixed"] < 0).any():
-        raise file.refused("'path_fixed' is negative somewhere")
-    kept = np.concatenate([[0], np.cumsum(np.diff(offsets)[near])])
+    require_memory(8 * int(np.diff(offsets)[near].sum()), f"{file.path}: a map of {int(near.sum())} bricks")
     try:
-        part = BrickStatistics(whole, VisitedCells.in_order(bricks[near], kept, **arrays), scans, left_out)
+        runs = [_read_run(file, bricks, offsets, rows) for rows in _runs(offsets, near)]
+        part = BrickStatistics(whole, VisitedCells.joined(runs), scans, left_out)
     except MapFormatError:
         raise
     except MapError as error:
@@ -88,10 +90,22 @@ def read_bricks(file: CheckedFile, whole: Grid, grid: Grid, scans: int, left_out
     return part.crop(grid)
 
 
-def _rows(
-    file: CheckedFile, name: str, offsets: npt.NDArray[np.int64], near: npt.NDArray[np.bool_]
-) -> npt.NDArray[Any]:
-    """Cells of some bricks, read run by run."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]])))
-    runs = [file.file[name][offsets[a] : offsets[b]] for a, b in zip(edges[::2], edges[1::2], strict=True)]
-    return np.concatenate([np.zeros(0, BRICK_ARRAYS[name]), *runs])
+def _runs(offsets: Index, near: npt.NDArray[np.bool_]) -> Iterator[slice]:
+    """Runs of wanted bricks that follow each other in the file, of few enough cells to unpack; at least one run."""
+    first = last = 0
+    for k in np.flatnonzero(near).tolist():
+        if k != last or offsets[k + 1] - offsets[first] > _MOST_UNPACKED:
+            if last > first:
+                yield slice(first, last)
+            first = k
+        last = k + 1
+    yield slice(first, last)
+
+
+def _read_run(file: CheckedFile, bricks: Index, offsets: Index, rows: slice) -> VisitedCells:
+    """Read and pack the cells of bricks that follow each other."""
+    begin, end = offsets[rows.start], offsets[rows.stop]
+    arrays = {name: file.file[name][begin:end] for name in ("local", "hits", "misses", "path_fixed")}
+    if (arrays["path_fixed"] < 0).any():
+        raise file.refused("'path_fixed' is negative somewhere")
+    return VisitedCells.in_order(bricks[rows], offsets[rows.start : rows.stop + 1] - begin, **arrays)

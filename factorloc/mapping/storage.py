@@ -122,7 +122,6 @@ def write_map(
     }
     types = BRICK_ARRAYS if isinstance(statistics, BrickStatistics) else _ARRAYS
     source_arrays = statistics.cells if isinstance(statistics, BrickStatistics) else statistics
-    arrays = {name: _as_type(name, getattr(source_arrays, name), dtype) for name, dtype in types.items()}
     with atomic_path(path) as temporary, creating(temporary) as file:
         for name, text in texts.items():
             create_text(file, name, text)
@@ -134,8 +133,8 @@ def write_map(
         if isinstance(statistics, BrickStatistics):
             for name, count in zip(COUNTS, (len(statistics.cells.bricks), len(statistics.cells)), strict=True):
                 file.attrs[name] = np.int64(count)
-        for name, values in arrays.items():
-            create_array(file, name, values)
+        for name, dtype in types.items():  # unpacked one after the other
+            create_array(file, name, _as_type(name, getattr(source_arrays, name), dtype))
 
 
 def _as_type(name: str, values: npt.NDArray[Any], dtype: np.dtype[Any]) -> npt.NDArray[Any]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +21,7 @@ Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
 
 _MOST_VISITS = np.iinfo(np.uint32).max
+_MOST_UNPACKED = 250_000  # cells at a time when maps are added
 
 
 @dataclass(frozen=True)
@@ -86,8 +89,8 @@ class VisitedCells:
         sizes = {len(local), len(hits), len(misses), len(path_fixed), int(offsets[-1]) if len(offsets) else -1}
         if len(offsets) != len(bricks) + 1 or len(sizes) > 1 or (counts < 0).any() or (local >= CELLS).any():
             raise MapError("bricks: numbers, offsets and cells disagree; is the map damaged?")
-        owner = np.repeat(np.arange(len(bricks)), counts)
-        if ((np.diff(local.astype(np.int64)) <= 0) & (np.diff(owner) == 0)).any():
+        owner = np.repeat(np.arange(len(bricks), dtype=np.int32), counts)
+        if ((local[1:] <= local[:-1]) & (owner[1:] == owner[:-1])).any():
             raise MapError("bricks: cells are out of order; is the map damaged?")
         bits = np.zeros((len(bricks), CELLS), np.bool_)
         bits[owner, local] = True
@@ -165,11 +168,51 @@ class VisitedCells:
     def __add__(self, other: VisitedCells) -> VisitedCells:
         """Add up the counts of cells of one grid.
 
+        Counts are unpacked only in runs of bricks that both have, a quarter of a million cells at a time: what a large
+        map takes in costs little more than the part of it that changes.
+
         Raises
         ------
         MapError
             If a cell saw more than 2^32 - 1 rays.
         """
+        bricks = np.union1d(self.bricks, other.bricks)
+        if not len(bricks):
+            return self
+        ends = [np.searchsorted(part.bricks, bricks, side="right") for part in (self, other)]
+        offsets = [part.offsets for part in (self, other)]
+        cells = offsets[0][ends[0]] + offsets[1][ends[1]]
+        last = np.append(np.flatnonzero(np.diff(cells // _MOST_UNPACKED)), len(bricks) - 1)
+        runs = []
+        for part, end, offset in zip((self, other), ends, offsets, strict=True):
+            edges = np.concatenate([[0], end[last]])
+            runs.append([part._run(a, b, offset) for a, b in pairwise(edges)])
+        pairs = zip(*runs, strict=True)
+        return VisitedCells.joined([a._added(b) if len(a) and len(b) else a if len(a) else b for a, b in pairs])
+
+    def _run(self, first: int, last: int, offsets: Index) -> VisitedCells:
+        """The cells of the bricks at places ``first:last``, without copying."""
+        a, b = int(offsets[first]), int(offsets[last])
+        parts = (part.between(a, b) for part in (self.packed_hits, self.packed_misses, self.packed_path))
+        return VisitedCells(self.bricks[first:last], self.visited[first:last], *parts)
+
+    @staticmethod
+    def joined(runs: Sequence[VisitedCells]) -> VisitedCells:
+        """Bricks of several, at least one, one after the other.
+
+        Raises
+        ------
+        MapError
+            If the bricks do not increase.
+        """
+        packed = (
+            PackedIntegers.join([getattr(run, f"packed_{name}") for run in runs]) for name in ("hits", "misses", "path")
+        )
+        return VisitedCells(
+            np.concatenate([run.bricks for run in runs]), np.concatenate([run.visited for run in runs]), *packed
+        )
+
+    def _added(self, other: VisitedCells) -> VisitedCells:
         keys_a, keys_b = self.keys, other.keys
         from_a, from_b = np.empty(len(keys_a), np.int64), np.empty(len(keys_b), np.int64)
         count = merge_sorted(keys_a, keys_b, from_a, from_b)
