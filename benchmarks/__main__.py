@@ -45,6 +45,7 @@ RUNS = {
     "basin": Run("basin"),
     "kitti0005": Run("kitti0005", needs_data=True),
     "posterior_simulation": Run("posterior_simulation"),
+    "sensor_models": Run("sensor_models", needs_data=True),
     "mcl_speed": Run("mcl_speed"),
     "maps_large": Run("maps_large"),
 }
