@@ -46,6 +46,7 @@ RUNS = {
     "kitti0005": Run("kitti0005", needs_data=True),
     "posterior_simulation": Run("posterior_simulation"),
     "sensor_models": Run("sensor_models", needs_data=True),
+    "mcl_convergence": Run("mcl_convergence"),
     "mcl_speed": Run("mcl_speed"),
     "maps_large": Run("maps_large"),
 }

@@ -93,7 +93,7 @@ def localize_by_particles(
     motion_model : MotionModel, optional
         Of measured motions.
     free_space : Initialization, optional
-        Where particles are drawn when the filter takes itself for lost; without, it does not recover.
+        Where else the vehicle may be, if the belief does not explain its scans; without, it does not recover.
     progress : callable, optional
         Called with the number of scans done.
     on_particles : callable, optional

@@ -16,7 +16,7 @@ from factorloc.localization.kld import KldSettings, enough_particles
 from factorloc.localization.motion_model import LostMotion, MotionModel, TangentMotion, TurnDriveTurn
 from factorloc.localization.particle_estimates import ParticleEstimates
 from factorloc.localization.particles import Particles
-from factorloc.localization.recovery import Recovery, RecoverySettings
+from factorloc.localization.recovery import Elsewhere, RecoverySettings, look_elsewhere
 from factorloc.localization.resampling import RESAMPLING, multinomial
 from factorloc.localization.reweighting import Reweighting, choose_rays, tempered_exponent
 from factorloc.mapping.sensor_model import SensorModel
@@ -51,7 +51,7 @@ class ParticleFilterSettings(Block):
     kld : KldSettings
         How many particles.
     recovery : RecoverySettings, optional
-        When to draw particles elsewhere; None never does.
+        When and how widely to look elsewhere; None never does.
     odometry : OdometryNoise
         Noise of motions that come without covariances.
     lost_position, lost_heading : float
@@ -85,7 +85,7 @@ class ParticleFilter:
         Of measured motions; by default :class:`TurnDriveTurn` in the plane and :class:`TangentMotion` in space, with
         the noise of the settings.
     free_space : Initialization, optional
-        Where particles are drawn when the filter takes itself for lost; without, it does not recover.
+        Where else the vehicle may be, if the belief does not explain its scans; without, it does not recover.
     seed : int
         Of all that is random: the same seed, the same particles.
 
@@ -128,7 +128,7 @@ class ParticleFilter:
         if not model.grid.contains(self.particles.positions).any():
             raise MapError("start: all of it lies outside the map; begin within")
         self.resamplings = self.recoveries = 0
-        self._recovery = Recovery(settings.recovery or RecoverySettings())
+        self._elsewhere: Elsewhere | None = None
 
     def propagate(self, motion: npt.ArrayLike, *, covariance: npt.ArrayLike | None = None, known: bool = True) -> None:
         """Move each particle by a motion of its own.
@@ -151,6 +151,7 @@ class ParticleFilter:
             raise GeometryError(
                 f"motion: shape {np.shape(motion)} in {self.particles.dimension} dimensions; see geometry"
             )
+        self._elsewhere = None  # was asked before the motion
         model = self.motion_model if known else self.lost_motion
         self.particles = self.particles.moved(model.sample(motion, len(self.particles), self.rng, covariance))
 
@@ -158,8 +159,8 @@ class ParticleFilter:
         """Multiply weights by the likelihood of a scan.
 
         Particles outside the map have weight 0. A scan without returns (a covered lidar and an open field look alike)
-        changes nothing, nor does one that no particle explains; :class:`Reweighting` says so, and the latter counts
-        towards a recovery.
+        changes nothing, nor does one that no particle explains; :class:`Reweighting` says so. Poses elsewhere are asked
+        as well how they explain the scan (:mod:`~factorloc.localization.recovery`), for the next :meth:`resample`.
 
         Raises
         ------
@@ -169,21 +170,22 @@ class ParticleFilter:
         dimension = self.particles.dimension
         if scan.dimension != dimension:
             raise MapError(f"scan: of {scan.dimension} dimensions, the map has {dimension}; use one made for it")
+        self._elsewhere = None
         information = self.settings.information or _INFORMATION[dimension]
         chosen = choose_rays(scan, self.settings.rays or _RAYS[dimension])
         if not chosen.is_return.any():
             return Reweighting(0.0, 0, information)
-        logs = self._log_likelihoods(chosen)
+        logs = self._log_likelihoods(chosen, self.particles.poses)
+        self._elsewhere = self._look_elsewhere(chosen, self.particles.log_mean(information * logs), information)
         exponent = tempered_exponent(self.particles, logs, information, self.settings.tempering)
         evidence = self.particles.log_mean(exponent * logs)
         done = Reweighting(evidence, len(chosen), exponent, exponent < information)
         if not done.excluded:
             self.particles = self.particles.reweighted(exponent * logs)
-        self._recovery = self._recovery.updated(done.likelihood_of_a_ray)
         return done
 
     def resample(self) -> bool:
-        """Draw particles by their weights, if these have become too uneven or the filter takes itself for lost.
+        """Draw particles by their weights, if these have become too uneven or others explain the scan better.
 
         Returns
         -------
@@ -191,18 +193,17 @@ class ParticleFilter:
             Whether it did.
         """
         settings, particles = self.settings, self.particles
-        share = 0.0 if self.free_space is None or settings.recovery is None else self._recovery.share
-        if share == 0 and particles.effective_size >= settings.resample_below * len(particles):
+        elsewhere, self._elsewhere = self._elsewhere, None
+        if elsewhere is None and particles.effective_size >= settings.resample_below * len(particles):
             return False
         fresh = np.zeros((0, *particles.poses.shape[1:]))
-        if share > 0 and self.free_space is not None:
-            fresh = self.free_space.sample(self.rng.binomial(settings.kld.most, share), self.rng)
-            self._recovery = self._recovery.acted()
+        if elsewhere is not None:
+            fresh = elsewhere.sample(max(round(elsewhere.share * settings.kld.most), 1), self.rng)
             self.recoveries += 1
         count = self._enough(fresh)
-        elsewhere = min(round(share * count), len(fresh))
-        kept = RESAMPLING[settings.resampling](particles.weights, count - elsewhere, self.rng)
-        self.particles = Particles.uniform(np.concatenate([particles.poses[kept], fresh[:elsewhere]]))
+        new = 0 if elsewhere is None else min(max(round(elsewhere.share * count), 1), len(fresh))
+        kept = RESAMPLING[settings.resampling](particles.weights, count - new, self.rng)
+        self.particles = Particles.uniform(np.concatenate([particles.poses[kept], self.rng.permutation(fresh)[:new]]))
         self.resamplings += 1
         return True
 
@@ -226,9 +227,22 @@ class ParticleFilter:
         draws = np.concatenate([draws, old[multinomial(weights, wanted - first, self.rng)]])
         return enough_particles(self.rng.permutation(np.concatenate([draws, new])) if len(new) else draws, kld)
 
-    def _log_likelihoods(self, scan: Scan) -> Array:
-        poses = self.particles.poses
-        inside = self.model.grid.contains(self.particles.positions)
+    def _look_elsewhere(self, scan: Scan, log_evidence: float, information: float) -> Elsewhere | None:
+        settings = self.settings.recovery
+        if settings is None or self.free_space is None:
+            return None
+        return look_elsewhere(
+            log_evidence,
+            lambda poses: information * self._log_likelihoods(scan, poses),
+            self.free_space,
+            settings,
+            len(self.particles),
+            self.rng,
+            self.settings.tempering,
+        )
+
+    def _log_likelihoods(self, scan: Scan, poses: Array) -> Array:
+        inside = self.model.grid.contains(poses[:, :2] if poses.ndim == 2 else poses[:, :3, 3])
         logs = np.full(len(poses), -np.inf)
         if inside.any():
             logs[inside] = self.model.scan_log_likelihoods(scan, poses[inside])

@@ -51,11 +51,6 @@ class Reweighting:
         """Whether no particle explains the scan: all likelihoods are zero, or all particles outside the map."""
         return self.log_likelihood == -np.inf
 
-    @property
-    def likelihood_of_a_ray(self) -> float:
-        """Geometric mean of the likelihood over the rays, 1/m."""
-        return float(np.exp(self.log_likelihood / (self.exponent * self.rays))) if self.informative else 0.0
-
 
 def choose_rays(scan: Scan, count: int) -> Scan:
     """Return some rays of a scan: evenly spaced in the plane, spread over the surroundings in space.

@@ -151,12 +151,57 @@ def test_a_lost_filter_draws_particles_elsewhere_and_recovers() -> None:
     assert off.recoveries == 0
 
 
-def test_scans_nobody_explains_change_nothing_but_the_averages() -> None:
+def test_a_filter_that_never_was_right_finds_out() -> None:
+    """No likelihood drops: it is poor from the first scan on, and strangers do better."""
+    anywhere = AroundPose([0.0, 0, 0], (15.0, 15.0))
+    settings = ParticleFilterSettings(information=1, kld=KldSettings(least=500, most=2000))
+    errors, recoveries = [], []
+    for free_space in (anywhere, None):
+        particle_filter = ParticleFilter(
+            Position((9.0, -8.0)), START, settings=settings, free_space=free_space, seed=2
+        )  # fmt: skip
+        for _ in range(20):
+            particle_filter.reweight(fan())
+            estimate = particle_filter.estimate().mean
+            particle_filter.resample()
+            particle_filter.propagate(np.zeros(3))
+        errors.append(float(np.hypot(*(estimate.pose[:2] - [9, -8]))))
+        recoveries.append(particle_filter.recoveries)
+    assert errors[0] < 0.3
+    assert errors[1] > 3
+    assert 1 <= recoveries[0] < 5
+    assert recoveries[1] == 0
+
+
+def test_a_filter_that_is_right_looks_nowhere_else() -> None:
+    anywhere = AroundPose([0.0, 0, 0], (15.0, 15.0))
+    settings = ParticleFilterSettings(information=1, kld=KldSettings(least=500, most=2000))
+    particle_filter = ParticleFilter(Position((0.3, 0.0)), START, settings=settings, free_space=anywhere, seed=2)
+    for sigma in [0.5] * 10 + [5.0] * 10 + [0.5] * 10:  # what the lidar sees comes and goes
+        particle_filter.model = Position((0.3, 0.0), sigma)
+        particle_filter.reweight(fan())
+        particle_filter.resample()
+        particle_filter.propagate(np.zeros(3))
+    assert particle_filter.recoveries == 0
+
+
+def test_poses_asked_before_a_motion_are_not_drawn_after_it() -> None:
+    anywhere = AroundPose([0.0, 0, 0], (15.0, 15.0))
+    settings = ParticleFilterSettings(information=1, kld=KldSettings(least=500, most=2000))
+    particle_filter = ParticleFilter(Position((9.0, -8.0)), START, settings=settings, free_space=anywhere, seed=2)
+    for meanwhile in (lambda: particle_filter.propagate([2.0, 0, 0]), lambda: particle_filter.reweight(fan(0))):
+        particle_filter.reweight(fan())
+        meanwhile()
+        particle_filter.resample()
+        assert particle_filter.recoveries == 0
+
+
+def test_scans_nobody_explains_change_nothing() -> None:
     never = Answer((0.0, 0.0), function=lambda poses: np.full(len(poses), -np.inf))
     particle_filter = ParticleFilter(never, START, settings=PLAIN)
     before = particle_filter.particles
     done = particle_filter.reweight(fan())
-    assert (done.excluded, done.informative, done.likelihood_of_a_ray) == (True, True, 0.0)
+    assert (done.excluded, done.informative) == (True, True)
     assert particle_filter.particles is before
     assert not particle_filter.resample()
     particle_filter.propagate([0.5, 0, 0])
