@@ -34,7 +34,7 @@ __all__ = ["MAP", "Census", "Goals", "LargeSettings", "Stream", "region_of", "sa
 
 Array = npt.NDArray[np.float64]
 
-MAP, JOB, REPORT = "map.h5", "job.json", "report.json"
+MAP, PART, JOB, REPORT = "map.h5", "part_{}.h5", "job.json", "report.json"
 
 
 class Goals(Block):
@@ -218,7 +218,7 @@ def stream_map(job: Job, folder: Path, curve: MemoryCurve) -> dict[str, Any]:
     settings = job.settings
     town = Town(settings.town, settings.seed)
     census, cast = Census(), 0.0
-    whole, parts, part_seconds = Stream(empty_map(town, settings), settings.block_rays), [], 0.0
+    whole, part_bytes, part_seconds = Stream(empty_map(town, settings), settings.block_rays), [], 0.0
     for number in range(settings.count):
         curve.mark(f"session {number}")
         part = Stream(empty_map(town, settings), settings.part_block_rays)
@@ -229,57 +229,80 @@ def stream_map(job: Job, folder: Path, curve: MemoryCurve) -> dict[str, Any]:
             whole.take(scan, pose)
             part.take(scan, pose)
             began = time.perf_counter()
-        parts.append(part.flush())
+        part_bytes.append(part.flush().nbytes)
+        write_map(folder / PART.format(number), part.flush(), provenance={"source": "simulated town"})
         part_seconds += part.seconds
-    statistics = whole.flush()
+    statistics, mapping = whole.flush(), whole.seconds
     streamed, ended = peak_resident(), curve.seconds
-    curve.mark("merge")
-    merging = time.perf_counter()
-    equal = [same(BrickStatistics.merge([parts[k] for k in order]), statistics) for order in settings.orders]
-    merged = time.perf_counter()
-    of_parts = [part.nbytes for part in parts]
-    parts.clear()
     curve.mark("write")
+    writing = time.perf_counter()
     write_map(folder / MAP, statistics, provenance={"source": "simulated town"})
     written = time.perf_counter()
     curve.mark("read")
     again = same(read_map(folder / MAP), statistics)
     read = time.perf_counter()
+    # From here on the map rests in its file, and the parts in theirs: no more than a sum and a part are in memory.
+    del statistics, whole, part
+    curve.mark("merge")
+    equal, merging = [], 0.0
+    for order in settings.orders:
+        began = time.perf_counter()
+        merged = merge_files([folder / PART.format(k) for k in order])
+        merging += time.perf_counter() - began
+        equal.append(same(read_map(folder / MAP), merged))
+        del merged
+    statistics = _sparse(read_map(folder / MAP))
     curve.mark("read a region")
     region = region_of(statistics.grid, town, settings.region)
+    began = time.perf_counter()
     found = read_map(folder / MAP, region=region)
-    lazily = time.perf_counter()
+    lazily = time.perf_counter() - began
     window = statistics.window(found.grid)
     dense = found.to_dense() if isinstance(found, BrickStatistics) else found
     lazy = all(np.array_equal(getattr(dense, name), getattr(window, name)) for name in ("hits", "misses", "path_fixed"))
+    hits = statistics.cells.packed_hits
     return {
         "rays": census.rays,
         "distinct": census.distinct,
         "scans": census.scans,
         "left out": statistics.left_out,
-        "hits": int(statistics.hits.sum(dtype=np.int64)),
+        "hits": int(hits.narrow.sum(dtype=np.int64) + hits.wide.sum()),
         "cells": len(statistics.cells),
         "bricks": len(statistics.cells.bricks),
         "bytes": statistics.nbytes,
-        "bytes of parts": of_parts,
+        "bytes of parts": part_bytes,
         "file bytes": (folder / MAP).stat().st_size,
         "grid": statistics.grid.shape,
         "region cells": len(found.cells) if isinstance(found, BrickStatistics) else 0,
         "seconds": {
             "streaming": ended,
             "casting": cast,
-            "mapping": whole.seconds,
+            "mapping": mapping,
             "mapping in parts": part_seconds,
-            "merging": (merged - merging) / len(settings.orders),
-            "writing": written - merged,
+            "merging": merging / len(settings.orders),
+            "writing": written - writing,
             "reading": read - written,
-            "reading a region": lazily - read,
+            "reading a region": lazily,
         },
         "peak while streaming": streamed,
         "merges equal": equal,
         "read equal": again,
         "region equal": lazy,
     }
+
+
+def merge_files(paths: Sequence[Path]) -> BrickStatistics:
+    """Add up maps, read one after the other."""
+    total = _sparse(read_map(paths[0]))
+    for path in paths[1:]:
+        total = total + _sparse(read_map(path))
+    return total
+
+
+def _sparse(statistics: object) -> BrickStatistics:
+    if not isinstance(statistics, BrickStatistics):
+        raise ConfigError("map: it is no sparse one")
+    return statistics
 
 
 def session_scans(town: Town, number: int, job: Job) -> Iterator[tuple[Scan, Array]]:

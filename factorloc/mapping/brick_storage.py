@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -12,10 +12,13 @@ from factorloc.errors import MapError, MapFormatError
 from factorloc.mapping.brick_statistics import BrickStatistics
 from factorloc.mapping.bricks import BRICK, BrickLayout
 from factorloc.mapping.grid import Grid, require_memory
-from factorloc.mapping.hdf5 import CheckedFile
+from factorloc.mapping.hdf5 import CheckedFile, create_array, create_array_of
 from factorloc.mapping.visited_cells import VisitedCells
 
-__all__ = ["BRICK_ARRAYS", "COUNTS", "check_bricks", "read_bricks"]
+if TYPE_CHECKING:
+    import h5py
+
+__all__ = ["BRICK_ARRAYS", "COUNTS", "check_bricks", "read_bricks", "write_bricks"]
 
 Index = npt.NDArray[np.int64]
 
@@ -49,6 +52,19 @@ def check_bricks(file: CheckedFile, grid: Grid) -> None:
     lengths = {"bricks": bricks, "offsets": bricks + 1}
     for name, dtype in BRICK_ARRAYS.items():
         file.array(name, dtype, (lengths.get(name, cells),))
+
+
+def write_bricks(file: h5py.File, cells: VisitedCells) -> None:
+    """Write the datasets and attributes of visited cells, which are unpacked run by run."""
+    for name, count in zip(COUNTS, (len(cells.bricks), len(cells)), strict=True):
+        file.attrs[name] = np.int64(count)
+    offsets = cells.offsets
+    create_array(file, "bricks", cells.bricks)
+    create_array(file, "offsets", offsets)
+    runs = list(_runs(offsets, np.ones(len(cells.bricks), np.bool_)))
+    for name in ("local", "hits", "misses", "path_fixed"):
+        pieces = (getattr(cells.run(rows.start, rows.stop, offsets), name) for rows in runs)
+        create_array_of(file, name, pieces, (len(cells),), BRICK_ARRAYS[name])
 
 
 def read_bricks(file: CheckedFile, whole: Grid, grid: Grid, scans: int, left_out: dict[str, int]) -> BrickStatistics:

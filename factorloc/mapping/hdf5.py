@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,7 +23,7 @@ from factorloc.errors import MapError, MapFormatError
 if TYPE_CHECKING:
     import h5py
 
-__all__ = ["MOST_TEXT", "CheckedFile", "create_array", "create_text", "creating", "opening"]
+__all__ = ["MOST_TEXT", "CheckedFile", "create_array", "create_array_of", "create_text", "creating", "opening"]
 
 MOST_TEXT = 16 * 2**20
 """Longest text, bytes."""
@@ -71,10 +71,22 @@ def create_text(file: h5py.File, name: str, text: str) -> None:
 
 def create_array(file: h5py.File, name: str, values: npt.NDArray[Any]) -> None:
     """Add a dataset in compressed chunks with checksums."""
-    options = {"chunks": _chunks(values.shape), "compression": "gzip", "shuffle": True, "fletcher32": True}
-    if values.size == 0:  # HDF5 wants chunks no longer than what may be there one day
-        options["maxshape"] = tuple(max(n, 1) for n in values.shape)
-    file.create_dataset(name, data=values, **options)
+    create_array_of(file, name, [values], values.shape, values.dtype)
+
+
+def create_array_of(
+    file: h5py.File, name: str, pieces: Iterable[npt.NDArray[Any]], shape: tuple[int, ...], dtype: npt.DTypeLike
+) -> None:
+    """Add a dataset as :func:`create_array`, piece by piece along the first axis."""
+    options: dict[str, Any] = {"chunks": _chunks(shape), "compression": "gzip", "shuffle": True, "fletcher32": True}
+    if 0 in shape:  # HDF5 wants chunks no longer than what may be there one day
+        options["maxshape"] = tuple(max(n, 1) for n in shape)
+    dataset = file.create_dataset(name, shape=shape, dtype=dtype, **options)
+    first = 0
+    for piece in pieces:
+        if piece.size:
+            dataset[first : first + len(piece)] = piece
+        first += len(piece)
 
 
 @contextmanager

@@ -21,7 +21,7 @@ from factorloc._version import __version__
 from factorloc.errors import MapError, MapFormatError
 from factorloc.files import atomic_path
 from factorloc.mapping.brick_statistics import BrickStatistics
-from factorloc.mapping.brick_storage import BRICK_ARRAYS, COUNTS, check_bricks, read_bricks
+from factorloc.mapping.brick_storage import check_bricks, read_bricks, write_bricks
 from factorloc.mapping.grid import Grid, require_memory
 from factorloc.mapping.hdf5 import CheckedFile, create_array, create_text, creating, opening
 from factorloc.mapping.ray_statistics import RayStatistics
@@ -120,8 +120,6 @@ def write_map(
         "provenance": json.dumps(source),
         "left_out": json.dumps(statistics.left_out),
     }
-    types = BRICK_ARRAYS if isinstance(statistics, BrickStatistics) else _ARRAYS
-    source_arrays = statistics.cells if isinstance(statistics, BrickStatistics) else statistics
     with atomic_path(path) as temporary, creating(temporary) as file:
         for name, text in texts.items():
             create_text(file, name, text)
@@ -131,10 +129,10 @@ def write_map(
         file.attrs["shape"] = np.array(grid.shape, np.int64)
         file.attrs["scans"] = np.int64(statistics.scans)
         if isinstance(statistics, BrickStatistics):
-            for name, count in zip(COUNTS, (len(statistics.cells.bricks), len(statistics.cells)), strict=True):
-                file.attrs[name] = np.int64(count)
-        for name, dtype in types.items():  # unpacked one after the other
-            create_array(file, name, _as_type(name, getattr(source_arrays, name), dtype))
+            write_bricks(file, statistics.cells)
+        else:
+            for name, dtype in _ARRAYS.items():
+                create_array(file, name, _as_type(name, getattr(statistics, name), dtype))
 
 
 def _as_type(name: str, values: npt.NDArray[Any], dtype: np.dtype[Any]) -> npt.NDArray[Any]:

@@ -186,12 +186,12 @@ class VisitedCells:
         runs = []
         for part, end, offset in zip((self, other), ends, offsets, strict=True):
             edges = np.concatenate([[0], end[last]])
-            runs.append([part._run(a, b, offset) for a, b in pairwise(edges)])
+            runs.append([part.run(a, b, offset) for a, b in pairwise(edges)])
         pairs = zip(*runs, strict=True)
         return VisitedCells.joined([a._added(b) if len(a) and len(b) else a if len(a) else b for a, b in pairs])
 
-    def _run(self, first: int, last: int, offsets: Index) -> VisitedCells:
-        """The cells of the bricks at places ``first:last``, without copying."""
+    def run(self, first: int, last: int, offsets: Index) -> VisitedCells:
+        """The cells of the bricks at places ``first:last``, without copying; ``offsets`` are :attr:`offsets`."""
         a, b = int(offsets[first]), int(offsets[last])
         parts = (part.between(a, b) for part in (self.packed_hits, self.packed_misses, self.packed_path))
         return VisitedCells(self.bricks[first:last], self.visited[first:last], *parts)
