@@ -96,7 +96,7 @@ def weigh(model: SensorModel, scene: Scene, rows: Index, ends: Sequence[Index], 
     def of_scan(row: int, kinds: Index) -> tuple[float, int, Array]:
         each = model.log_likelihood(scene.held_out[row], scene.poses[row])
         possible = np.isfinite(each)
-        sums = np.bincount(kinds[possible], each[possible], len(ENDS))
+        sums = np.asarray(np.bincount(kinds[possible], each[possible], len(ENDS)), np.float64)
         return float(each[possible].mean()) if possible.any() else np.nan, int((~possible).sum()), sums
 
     found = list(pool.map(of_scan, rows.tolist(), ends))

@@ -197,6 +197,6 @@ def _divergences(bench: Benchmark, found: Findings) -> Iterator[Table]:
         inverse.add_row(scene, *(f"{value:.2f}" for value in means[: len(shown)]))
     for table, published in ((direct, PUBLISHED_TRUTH), (inverse, PUBLISHED_INVERSE)):
         table.add_section()
-        for name, values in published.items():
-            table.add_row(f"published: {name}", *(f"{value:.3g}" for value in values), "", "", "")
+        for name, figures in published.items():
+            table.add_row(f"published: {name}", *(f"{value:.3g}" for value in figures), "", "", "")
         yield table

@@ -41,10 +41,10 @@ def localize(
     model: Annotated[
         str,
         typer.Option(
-            help="Sensor model of the particles: decay-rate, decay-rate-posterior, reflection, reflection-posterior or "
-            "end-point."
+            help="Sensor model of the particles: end-point, decay-rate, decay-rate-posterior, reflection or "
+            "reflection-posterior."
         ),
-    ] = "decay-rate-posterior",
+    ] = "end-point",
     floor: Annotated[
         float,
         typer.Option(
