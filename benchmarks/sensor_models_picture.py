@@ -54,15 +54,15 @@ def models_picture(found: Findings, filters: FilterSettings) -> Figure:
         _finish(axes, found, "m", f"position error, {study} (bars: standard errors over the runs)")
         row += 1
     for column, scene in enumerate(curves):
-        axes, runs = figure.add_subplot(grid[row, column]), 0
+        axes, count = figure.add_subplot(grid[row, column]), 0
         for model in FIGURE_MODELS:
             curve = found.curve(scene, model)
             assert curve is not None
-            runs = len(curve)
+            count = len(curve)
             axes.plot(curve.mean(0), label=model, linewidth=1.2, **line_style(_STYLES[model]))
         dress(axes, "scan", "position error, m" if column == 0 else "")
         axes.set_ylim(bottom=0)
-        axes.set_title(f"{scene}, mean of {runs} runs", fontsize=FONT_SIZE, color=INK, loc="left")
+        axes.set_title(f"{scene}, mean of {count} runs", fontsize=FONT_SIZE, color=INK, loc="left")
         axes.legend(fontsize=FONT_SIZE - 1, labelcolor=INK, frameon=False)
     return figure
 
