@@ -12,7 +12,7 @@ from scipy.ndimage import distance_transform_edt, gaussian_filter
 from factorloc.errors import MapError
 from factorloc.factors._scan_kernels import DISTANCE_FIELD
 from factorloc.factors.grid_scan_term import GridScanTerm
-from factorloc.mapping.decay_rate import rimmed
+from factorloc.mapping.beam_model import rimmed
 from factorloc.mapping.pyramid import DEFAULT_BLURS
 from factorloc.mapping.ray_statistics import RayStatistics
 from factorloc.rays import Rays

@@ -13,8 +13,8 @@ from factorloc.errors import MapError
 from factorloc.factors._scan_kernels import END_POINT
 from factorloc.factors._spatial_scan_kernels import COLUMNS
 from factorloc.factors.level_tables import LevelTables
+from factorloc.mapping.beam_model import rimmed
 from factorloc.mapping.cell_table import CellTable
-from factorloc.mapping.decay_rate import rimmed
 from factorloc.mapping.end_point import EndPointModel
 from factorloc.mapping.grid import Grid
 from factorloc.mapping.pyramid import checked_blurs

@@ -20,7 +20,7 @@ from factorloc.mapping.brick_statistics import BrickStatistics
 from factorloc.mapping.prior import GammaPrior, PriorRule, estimate_prior
 from factorloc.mapping.ray_statistics import RayStatistics
 
-__all__ = ["DecayRateMap", "DecayRatePosterior", "rimmed"]
+__all__ = ["DecayRateMap", "DecayRatePosterior"]
 
 Array = npt.NDArray[np.float64]
 

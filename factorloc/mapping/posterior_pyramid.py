@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from factorloc.errors import MapError
-from factorloc.mapping.decay_rate import rimmed
+from factorloc.mapping.beam_model import rimmed
 from factorloc.mapping.grid import Grid
 from factorloc.mapping.prior import GammaPrior, PriorRule, estimate_prior
 from factorloc.mapping.pyramid import DEFAULT_BLURS, blurred_counts, checked_blurs

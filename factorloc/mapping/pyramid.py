@@ -11,7 +11,7 @@ import numpy.typing as npt
 from scipy.ndimage import gaussian_filter
 
 from factorloc.errors import MapError
-from factorloc.mapping.decay_rate import rimmed
+from factorloc.mapping.beam_model import rimmed
 from factorloc.mapping.grid import Grid
 from factorloc.mapping.ray_statistics import RayStatistics
 

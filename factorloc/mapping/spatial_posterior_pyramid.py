@@ -16,7 +16,7 @@ from factorloc.mapping.grid import Grid
 from factorloc.mapping.prior import GammaPrior, PriorRule, estimate_prior
 from factorloc.mapping.pyramid import BLUR_REACH, blurred_counts, checked_blurs
 from factorloc.mapping.ray_statistics import RayStatistics
-from factorloc.mapping.spatial_pyramid import SPATIAL_BLURS, pooled
+from factorloc.mapping.spatial_pyramid import SPATIAL_BLURS, pooled, pooling_of
 
 __all__ = ["SpatialPosteriorLevel", "SpatialPosteriorPyramid"]
 
@@ -103,16 +103,10 @@ class SpatialPosteriorPyramid:
 
 def _blurred_tables(statistics: BrickStatistics, blur: float) -> tuple[CellTable, CellTable]:
     """Hits and path lengths of one level, in the same bricks."""
-    resolution = statistics.grid.resolution
     if blur == 0:
         hits = CellTable.from_cells(statistics, statistics.hits, 0.0)
         return hits, CellTable.from_cells(statistics, statistics.path_lengths, 0.0)
-    factor = 1
-    while 2 * factor * resolution <= blur:
-        factor *= 2
-    size = factor * resolution
-    # What the larger cells blur already (a box of variance size^2 / 12) is not blurred again.
-    sigma = float(np.sqrt(max(blur**2 - (size**2 - resolution**2) / 12, 0.0)) / size)
+    factor, sigma = pooling_of(statistics.grid.resolution, blur)
     if factor > 1:
         grid, H, R = pooled(statistics, factor)
         return _in_same_bricks(*(CellTable.from_dense(grid, blurred_counts(values, sigma), 0.0) for values in (H, R)))

@@ -15,7 +15,7 @@ from factorloc.mapping.grid import Grid, require_memory
 from factorloc.mapping.pyramid import BLUR_REACH, blurred_counts, checked_blurs
 from factorloc.mapping.ray_statistics import RayStatistics
 
-__all__ = ["SPATIAL_BLURS", "SpatialLevel", "SpatialPyramid", "pooled"]
+__all__ = ["SPATIAL_BLURS", "SpatialLevel", "SpatialPyramid", "pooled", "pooling_of"]
 
 Array = npt.NDArray[np.float64]
 
@@ -124,12 +124,19 @@ def pooled(statistics: BrickStatistics, factor: int) -> tuple[Grid, Array, Array
     return grid, np.asarray(H, np.float64).reshape(grid.shape), np.asarray(R, np.float64).reshape(grid.shape)
 
 
-def _blurred_rates(statistics: BrickStatistics, blur: float, mean: float) -> CellTable:
-    resolution = statistics.grid.resolution
+def pooling_of(resolution: float, blur: float) -> tuple[int, float]:
+    """How many cells of an edge (m) make one of a level with a blur (m), and the blur left to it, in those cells."""
     factor = 1
     while 2 * factor * resolution <= blur:
         factor *= 2
     size = factor * resolution
+    # What the larger cells blur already (a box of variance size^2 / 12) is not blurred again.
+    return factor, float(np.sqrt(max(blur**2 - (size**2 - resolution**2) / 12, 0.0)) / size)
+
+
+def _blurred_rates(statistics: BrickStatistics, blur: float, mean: float) -> CellTable:
+    factor, sigma = pooling_of(statistics.grid.resolution, blur)
+    size = factor * statistics.grid.resolution
 
     def rates(H: Array, R: Array) -> Array:
         # Cells nobody crossed are held at the mean by a pseudo path of one cell.
@@ -139,8 +146,6 @@ def _blurred_rates(statistics: BrickStatistics, blur: float, mean: float) -> Cel
         return CellTable.from_cells(
             statistics, rates(statistics.hits.astype(np.float64), statistics.path_lengths), mean
         )
-    # What the larger cells blur already (a box of variance size^2 / 12) is not blurred again.
-    sigma = np.sqrt(max(blur**2 - (size**2 - resolution**2) / 12, 0.0)) / size
 
     def blurred(H: Array, R: Array) -> Array:
         return rates(*(blurred_counts(np.asarray(values, np.float32), sigma) for values in (H, R)))

@@ -14,7 +14,7 @@ from strategies import angles, floats, poses_2d
 
 from factorloc.errors import MapError
 from factorloc.mapping import DecayRateMap, DecayRatePosterior, GammaPrior, Grid, RayStatistics
-from factorloc.mapping.decay_rate import rimmed
+from factorloc.mapping.beam_model import rimmed
 from factorloc.scan import RayStatus, Scan
 
 LIMITS = (0.25, 12.0)
