@@ -21,21 +21,21 @@ _PARALLEL_TO_AXIS = 1e-9  # cells/m; a ray this close to a plane crosses no line
 
 
 @kernel(allocates=False, inline=True)
-def cell_of(directory, row, local, b, stride_b, shift_b):
+def cell_of(directory, row, local, b, stride_b, pitch_b):
     """Address of the cell ``b`` of a row along the second axis."""
     # An unsigned index need not be asked whether it counts from the end.
     if directory is None:
         return np.uint64(local + b * stride_b)
     brick = np.int64(directory[np.uint64(row + (b >> 4) * stride_b)])
-    return np.uint64((brick << 12) + local + ((b & 15) << shift_b))
+    return np.uint64((brick << 12) + local + (b & 15) * pitch_b)
 
 
 @kernel(allocates=False, inline=True)
-def row_of(directory, i, c, stride_a, stride_c, shift_a, shift_c):
+def row_of(directory, i, c, stride_a, stride_c, pitch_a, pitch_c):
     """Where a row begins: in the directory, and in the array or a brick."""
     if directory is None:
         return 0, i * stride_a + c * stride_c
-    return (i >> 4) * stride_a + (c >> 4) * stride_c, ((i & 15) << shift_a) + ((c & 15) << shift_c)
+    return (i >> 4) * stride_a + (c >> 4) * stride_c, (i & 15) * pitch_a + (c & 15) * pitch_c
 
 
 @kernel(allocates=False, inline=True)
@@ -72,48 +72,71 @@ def walk_layers(directory, rates, strides, p_x, p_y, p_z, v_x, v_y, v_z, t_in, t
     f_z = abs(v_z)
     if f_x >= f_y and f_x >= f_z:
         axis = 0
-        p_a, v_a, s_a, h_a = p_x, v_x, s_x, 8
-        p_b, v_b, s_b, h_b = p_y, v_y, s_y, 4
-        p_c, v_c, s_c, h_c = p_z, v_z, s_z, 0
+        p_a, v_a, s_a, h_a = p_x, v_x, s_x, 256
+        p_b, v_b, s_b, h_b = p_y, v_y, s_y, 16
+        p_c, v_c, s_c, h_c = p_z, v_z, s_z, 1
     elif f_y >= f_z:
         axis = 1
-        p_a, v_a, s_a, h_a = p_y, v_y, s_y, 4
-        p_b, v_b, s_b, h_b = p_x, v_x, s_x, 8
-        p_c, v_c, s_c, h_c = p_z, v_z, s_z, 0
+        p_a, v_a, s_a, h_a = p_y, v_y, s_y, 16
+        p_b, v_b, s_b, h_b = p_x, v_x, s_x, 256
+        p_c, v_c, s_c, h_c = p_z, v_z, s_z, 1
     else:
         axis = 2
-        p_a, v_a, s_a, h_a = p_z, v_z, s_z, 0
-        p_b, v_b, s_b, h_b = p_x, v_x, s_x, 8
-        p_c, v_c, s_c, h_c = p_y, v_y, s_y, 4
+        p_a, v_a, s_a, h_a = p_z, v_z, s_z, 1
+        p_b, v_b, s_b, h_b = p_x, v_x, s_x, 256
+        p_c, v_c, s_c, h_c = p_y, v_y, s_y, 16
     swapped = abs(v_c) > abs(v_b)
     if swapped:
         p_b, v_b, s_b, h_b, p_c, v_c, s_c, h_c = p_c, v_c, s_c, h_c, p_b, v_b, s_b, h_b
+
+    # The cells across b at both ends; the walk may differ from them by rounding, and then they are right.
+    b = int(p_b + v_b * t_in)
+    b_out = int(p_b + v_b * t_out)
+    row_0 = 0
+    local_0 = 0
+    if v_b < 0.0:
+        # A ray that falls along b rises in a mirror, which stands between two bricks.
+        mirror = (b | 15) + 17
+        p_b, v_b, b, b_out = mirror - p_b, -v_b, mirror - 1 - b, mirror - 1 - b_out
+        if directory is None:
+            local_0 = (mirror - 1) * s_b
+        else:
+            row_0 = ((mirror >> 4) - 1) * s_b
+            local_0 = 15 * h_b
+        s_b, h_b = -s_b, -h_b
+
     i = int(p_a + v_a * t_in)
     layers = abs(int(p_a + v_a * t_out) - i)  # without the last
     i_a = 1.0 / v_a
-    i_b = 1.0 / v_b if abs(v_b) > _PARALLEL_TO_AXIS else 0.0
+    i_b = 1.0 / v_b if v_b > _PARALLEL_TO_AXIS else 0.0
     pace = abs(i_a)
-    slope = min(max(v_b * pace, -_STEEPEST), _STEEPEST)
+    slope = min(v_b * pace, _STEEPEST)
     step = 1 if v_a > 0.0 else -1
 
     # The first layer is walked from its own plane, which lies before t_in; what is too much is taken off at the end.
     t_first = ((i if v_a > 0.0 else i + 1.0) - p_a) * i_a
     y = p_b + v_b * t_first
-    below = np.floor(y + slope)
-    line = min(max(np.floor(p_b + v_b * t_in), below - 1.0), below + 1.0)
-    # Where the next plane across c is met.
+    b_exit = int(y + slope)
+    b = min(max(b, b_exit - 1), b_exit)
+    # Where the next plane across c is met, and in which layer: a whole number, so that the branch is foretold or seen
+    # to be wrong before the sums are due.
     c = int(p_c + v_c * t_in)
     step_c = 1 if v_c > 0.0 else -1
     i_c = 0.0
     t_c = math.inf
+    k_c = layers
     if abs(v_c) > _PARALLEL_TO_AXIS:
         i_c = 1.0 / v_c
         t_c = ((c + 1.0 if v_c > 0.0 else float(c)) - p_c) * i_c
         i_c = abs(i_c)
+        if t_c < t_out:
+            k_c = int((t_c - t_first) * abs(v_a))
     row, local = row_of(directory, i, c, s_a, s_c, h_a, h_c)
-    step_local = step * s_a if directory is None else step << h_a
-    edge = 0 if directory is None else (16 - (i & 15) if step > 0 else (i & 15) + 1)
-    cell = cell_of(directory, row, local, int(line), s_b, h_b)
+    row += row_0
+    local += local_0
+    step_local = step * s_a if directory is None else step * h_a
+    edge = 0 if directory is None else (15 - (i & 15) if step > 0 else i & 15)
+    cell = cell_of(directory, row, local, b, s_b, h_b)
     rate = np.float64(rates[cell])
     rate_in = rate
     # Sums of rates, of rate changes across b: plain, times way left in the layer, times its number; and across c.
@@ -124,22 +147,21 @@ def walk_layers(directory, rates, strides, p_x, p_y, p_z, v_x, v_y, v_z, t_in, t
     change_c = 0.0
     piece_c = 0.0
     moment_c = 0.0
-    t_exit = t_first
-    for k in range(1, layers + 1):
+    for k in range(layers):
         y += slope
-        below = np.floor(y)
-        b = int(y)
-        out = cell_of(directory, row, local, b, s_b, h_b)
+        b_exit = int(y)
+        out = cell_of(directory, row, local, b_exit, s_b, h_b)
         rate_b = np.float64(rates[out])
         change = rate_b - rate
-        rest = y - max(line, below)
-        t_exit += pace
-        if t_exit > t_c:
-            rest_c = t_exit - t_c
+        rest = y - np.floor(y)  # behind the plane across b; without one there is no change to count
+        if k == k_c:
+            rest_c = t_first + (k + 1) * pace - t_c
             row, local = row_of(directory, i, c + step_c, s_a, s_c, h_a, h_c)
-            out = cell_of(directory, row, local, b, s_b, h_b)
+            row += row_0
+            local += local_0
+            out = cell_of(directory, row, local, b_exit, s_b, h_b)
             d_out = np.float64(rates[out]) - rate_b
-            d_in = rates[cell_of(directory, row, local, int(line), s_b, h_b)] - rate
+            d_in = rates[cell_of(directory, row, local, b, s_b, h_b)] - rate
             d_at = d_out if rest * i_b > rest_c else d_in
             change += d_out - d_at
             change_c += d_at
@@ -147,11 +169,12 @@ def walk_layers(directory, rates, strides, p_x, p_y, p_z, v_x, v_y, v_z, t_in, t
             moment_c += d_at * t_c
             c += step_c
             t_c += i_c
+            k_c = max(int((t_c - t_first) * abs(v_a)), k + 1) if t_c < t_out else layers
         sum_rate += rate
         change_b += change
         piece_b += change * rest
         number_b += change * k
-        line = below
+        b = b_exit
         i += step
         if directory is None:
             local += step_local
@@ -159,6 +182,8 @@ def walk_layers(directory, rates, strides, p_x, p_y, p_z, v_x, v_y, v_z, t_in, t
         elif k == edge:
             edge += 16
             row, local = row_of(directory, i, c, s_a, s_c, h_a, h_c)
+            row += row_0
+            local += local_0
             cell = cell_of(directory, row, local, b, s_b, h_b)
         else:
             local += step_local
@@ -167,18 +192,19 @@ def walk_layers(directory, rates, strides, p_x, p_y, p_z, v_x, v_y, v_z, t_in, t
 
     # Last layer, from its plane to t_out.
     t_last = t_first + layers * pace
-    y = p_b + v_b * t_out
-    below = min(max(np.floor(y), line - 1.0), line + 1.0)
-    rate_out = np.float64(rates[cell_of(directory, row, local, int(below), s_b, h_b)])
+    b_out = min(max(b_out, b), b + 1)
+    rate_out = np.float64(rates[cell_of(directory, row, local, b_out, s_b, h_b)])
     change = rate_out - rate
-    rest = (y - max(line, below)) * i_b
+    rest = (p_b + v_b * t_out - b_out) * i_b
     if t_c < t_out:
         row, local = row_of(directory, i, c + step_c, s_a, s_c, h_a, h_c)
+        row += row_0
+        local += local_0
         rest_c = t_out - t_c
         rate_b = rate_out
-        rate_out = np.float64(rates[cell_of(directory, row, local, int(below), s_b, h_b)])
+        rate_out = np.float64(rates[cell_of(directory, row, local, b_out, s_b, h_b)])
         d_out = rate_out - rate_b
-        d_in = rates[cell_of(directory, row, local, int(line), s_b, h_b)] - rate
+        d_in = rates[cell_of(directory, row, local, b, s_b, h_b)] - rate
         d_at = d_out if rest > rest_c else d_in
         change += d_out - d_at
         change_c += d_at
@@ -192,7 +218,7 @@ def walk_layers(directory, rates, strides, p_x, p_y, p_z, v_x, v_y, v_z, t_in, t
     # rate_out - rate_in, and by parts, with the changes times t, the integral is rate_out t_out - rate_in t_in less
     # their sum. What is not across b or c is across a.
     jump_b = change_b + change
-    moment_b = change_b * t_first + number_b * pace - pieces_b + change * t_out - last_b
+    moment_b = change_b * (t_first + pace) + number_b * pace - pieces_b + change * t_out - last_b
     jump_a = rate_out - rate_in - jump_b - change_c
     moment_a = rate_out * t_out - rate_in * t_in - total - moment_b - moment_c
     jump_c = np.float64(change_c)
