@@ -150,15 +150,21 @@ def walk_layers(directory, rates, strides, p_x, p_y, p_z, v_x, v_y, v_z, t_in, t
     for k in range(layers):
         y += slope
         b_exit = int(y)
-        out = cell_of(directory, row, local, b_exit, s_b, h_b)
+        if directory is None or (b_exit ^ b) > 15:
+            out = cell_of(directory, row, local, b_exit, s_b, h_b)
+        else:
+            out = np.uint64(np.int64(cell) + (b_exit - b) * h_b)
         rate_b = np.float64(rates[out])
         change = rate_b - rate
         rest = y - np.floor(y)  # behind the plane across b; without one there is no change to count
         if k == k_c:
             rest_c = t_first + (k + 1) * pace - t_c
-            row, local = row_of(directory, i, c + step_c, s_a, s_c, h_a, h_c)
-            row += row_0
-            local += local_0
+            if directory is None:
+                local += step_c * s_c
+            else:
+                row, local = row_of(directory, i, c + step_c, s_a, s_c, h_a, h_c)
+                row += row_0
+                local += local_0
             out = cell_of(directory, row, local, b_exit, s_b, h_b)
             d_out = np.float64(rates[out]) - rate_b
             d_in = rates[cell_of(directory, row, local, b, s_b, h_b)] - rate
