@@ -124,13 +124,13 @@ def walk_layers(directory, rates, strides, p_x, p_y, p_z, v_x, v_y, v_z, t_in, t
     step_c = 1 if v_c > 0.0 else -1
     i_c = 0.0
     t_c = math.inf
-    k_c = layers
     if abs(v_c) > _PARALLEL_TO_AXIS:
         i_c = 1.0 / v_c
         t_c = ((c + 1.0 if v_c > 0.0 else float(c)) - p_c) * i_c
         i_c = abs(i_c)
-        if t_c < t_out:
-            k_c = int((t_c - t_first) * abs(v_a))
+    f_a = abs(v_a)
+    t_far = t_out + 2.0 * pace  # in no layer that is walked
+    k_c = int((min(t_c, t_far) - t_first) * f_a)
     row, local = row_of(directory, i, c, s_a, s_c, h_a, h_c)
     row += row_0
     local += local_0
@@ -175,7 +175,7 @@ def walk_layers(directory, rates, strides, p_x, p_y, p_z, v_x, v_y, v_z, t_in, t
             moment_c += d_at * t_c
             c += step_c
             t_c += i_c
-            k_c = max(int((t_c - t_first) * abs(v_a)), k + 1) if t_c < t_out else layers
+            k_c = max(int((min(t_c, t_far) - t_first) * f_a), k + 1)
         sum_rate += rate
         change_b += change
         piece_b += change * rest
