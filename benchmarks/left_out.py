@@ -11,8 +11,8 @@ import numpy.typing as npt
 
 from factorloc.mapping import BrickStatistics, RayStatistics
 from factorloc.mapping.accumulation import rays_in_map
+from factorloc.mapping.cell_tiles import CellTiles
 from factorloc.mapping.sensor_model import SensorModel
-from factorloc.mapping.visited_cells import VisitedCells
 from factorloc.rays import pack
 from factorloc.scan import Scan
 
@@ -72,7 +72,7 @@ def _bricks_without(statistics: BrickStatistics, own: BrickStatistics) -> BrickS
     for whole, part in ((hits, own.hits), (misses, own.misses), (path, own.path_fixed)):
         whole[at] -= part
     left = (hits > 0) | (misses > 0) | (path > 0)
-    cells = VisitedCells.of_keys(keys[left], hits[left], misses[left], path[left])
+    cells = CellTiles.of_keys(keys[left], hits[left], misses[left], path[left])
     counts = {reason: count - own.left_out.get(reason, 0) for reason, count in statistics.left_out.items()}
     return BrickStatistics(statistics.grid, cells, statistics.scans - 1, counts)
 

@@ -26,6 +26,7 @@ from factorloc.config import Block, read_config
 from factorloc.errors import ConfigError
 from factorloc.files import write_text
 from factorloc.mapping import BrickStatistics, Grid, read_map, write_map
+from factorloc.mapping.visited_cells import VisitedCells
 from factorloc.rays import pack
 from factorloc.scan import RayStatus, Scan
 from factorloc.simulation import Sessions, SessionSettings, SpatialLidar, Town, TownSettings, hdl_64e, simulate_drive
@@ -260,13 +261,12 @@ def stream_map(job: Job, folder: Path, curve: MemoryCurve) -> dict[str, Any]:
     window = statistics.window(found.grid)
     dense = found.to_dense() if isinstance(found, BrickStatistics) else found
     lazy = all(np.array_equal(getattr(dense, name), getattr(window, name)) for name in ("hits", "misses", "path_fixed"))
-    hits = statistics.cells.packed_hits
     return {
         "rays": census.rays,
         "distinct": census.distinct,
         "scans": census.scans,
         "left out": statistics.left_out,
-        "hits": int(hits.narrow.sum(dtype=np.int64) + hits.wide.sum()),
+        "hits": sum(int(tile.hits.sum(dtype=np.int64)) for tile in statistics.cells.tiles.values()),
         "cells": len(statistics.cells),
         "bricks": len(statistics.cells.bricks),
         "bytes": statistics.nbytes,
@@ -348,13 +348,18 @@ def same(one: object, other: BrickStatistics) -> bool:
     """Whether two maps are equal to the last bit, in what they count and in how."""
     if not isinstance(one, BrickStatistics):
         return False
-    a, b = one.cells, other.cells
-    packed = zip((a.packed_hits, a.packed_misses, a.packed_path), (b.packed_hits, b.packed_misses, b.packed_path),
-                 strict=True)  # fmt: skip
+    if (one.grid, one.scans, one.left_out) != (other.grid, other.scans, other.left_out):
+        return False
+    tiles, others = one.cells.tiles, other.cells.tiles
+    return list(tiles) == list(others) and all(_same_tile(tiles[number], others[number]) for number in tiles)
+
+
+def _same_tile(one: VisitedCells, other: VisitedCells) -> bool:
+    packed = zip((one.packed_hits, one.packed_misses, one.packed_path),
+                 (other.packed_hits, other.packed_misses, other.packed_path), strict=True)  # fmt: skip
     return (
-        (one.grid, one.scans, one.left_out) == (other.grid, other.scans, other.left_out)
-        and np.array_equal(a.bricks, b.bricks)
-        and np.array_equal(a.visited, b.visited)
+        np.array_equal(one.bricks, other.bricks)
+        and np.array_equal(one.visited, other.visited)
         and all(
             np.array_equal(getattr(x, name), getattr(y, name))
             for x, y in packed

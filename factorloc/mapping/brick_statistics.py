@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import operator
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -13,7 +13,9 @@ import numpy.typing as npt
 from factorloc import _jit
 from factorloc.errors import MapError
 from factorloc.mapping._brick_kernels import count_visited, gather_visited
+from factorloc.mapping._traversal_kernels import FIXED_POINT
 from factorloc.mapping.bricks import BRICK, CELLS, BrickLayout
+from factorloc.mapping.cell_tiles import CellTiles
 from factorloc.mapping.grid import Grid, require_memory
 from factorloc.mapping.ray_statistics import RayStatistics, add_counts, grid_of_scans, scan_blocks
 from factorloc.mapping.spatial_accumulation import accumulate_bricks, most_rays, spatial_rays_in_map, touched_bricks
@@ -26,7 +28,7 @@ __all__ = ["BrickStatistics"]
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
 
-_MOST_BRICKS = 4096  # in a pool while rays are added: 192 MiB
+_MOST_BRICKS = 1024  # in a pool while rays are added: 48 MiB
 
 
 @dataclass(frozen=True)
@@ -35,14 +37,14 @@ class BrickStatistics:
 
     What :class:`~factorloc.mapping.ray_statistics.RayStatistics` holds for every cell, this holds for those that some
     ray has met, brick by brick and sorted. The numbers are the same to the last bit; they are packed, as a hit or a
-    miss is rarely one of many. While rays are added, the bricks they meet are laid out in full, at most 4096 of them
-    at a time (192 MiB): a map grows by streaming.
+    miss is rarely one of many. While rays are added, the bricks they meet are laid out in full, at most 1024 of them
+    at a time (48 MiB), and the sum shares with this map all tiles they do not touch: a map grows by streaming.
 
     Parameters
     ----------
     grid : Grid
         Where the cells lie; three axes.
-    cells : VisitedCells
+    cells : CellTiles
         Their counts.
     scans : int
         Scans that were added.
@@ -56,21 +58,19 @@ class BrickStatistics:
     """
 
     grid: Grid
-    cells: VisitedCells
+    cells: CellTiles
     scans: int = 0
     left_out: dict[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        bricks = self.cells.bricks
-        if len(bricks) and not 0 <= bricks[0] <= bricks[-1] < np.prod(self.layout.shape):
+        layout = self.layout
+        if len(layout.bricks) and not 0 <= layout.bricks[0] <= layout.bricks[-1] < np.prod(layout.shape):
             raise MapError("bricks: a number is none of the grid's; is the map damaged?")
 
     @classmethod
     def empty(cls, grid: Grid) -> BrickStatistics:
         """Statistics of no ray."""
-        none = np.zeros(0, np.int64)
-        BrickLayout(grid, none)
-        return cls(grid, VisitedCells.of_keys(none, none.astype(np.uint32), none.astype(np.uint32), none))
+        return cls(grid, CellTiles({}))
 
     @classmethod
     def from_scans(
@@ -102,7 +102,7 @@ class BrickStatistics:
         order = np.argsort(keys)
         at = tuple(cells[order].T)
         values = statistics.hits[at], statistics.misses[at], statistics.path_fixed[at]
-        counted = VisitedCells.of_keys(keys[order], *values)
+        counted = CellTiles.of_keys(keys[order], *values)
         return cls(statistics.grid, counted, statistics.scans, dict(statistics.left_out))
 
     @property
@@ -133,7 +133,7 @@ class BrickStatistics:
     @property
     def path_lengths(self) -> Array:
         """Path length of all rays in each visited cell, m (R of the thesis), shape (V,)."""
-        return self.cells.path_lengths
+        return self.path_fixed / FIXED_POINT
 
     @property
     def nbytes(self) -> int:
@@ -160,36 +160,29 @@ class BrickStatistics:
         origins, directions = spatial_rays_in_map(walked, poses)
         returns = np.asarray(walked.status == RayStatus.RETURN)
         added = self._walk(origins, directions, walked.ranges, returns)
+        hits = sum(int(tile.hits.sum(dtype=np.int64)) for tile in added.tiles.values())
         left_out = {
             "below minimum range": int((~used).sum()),
-            "ended outside the grid": int(returns.sum()) - int(added.hits.sum()),
+            "ended outside the grid": int(returns.sum()) - hits,
         }
-        return self + replace(added, scans=len(rays), left_out=left_out)
+        return self + BrickStatistics(self.grid, added, len(rays), left_out)
 
-    def _walk(
-        self, origins: Array, directions: Array, lengths: Array, is_return: npt.NDArray[np.bool_]
-    ) -> BrickStatistics:
-        """Statistics of these rays alone; too many, or so many that they meet too many bricks, are halved."""
+    def _walk(self, origins: Array, directions: Array, lengths: Array, is_return: npt.NDArray[np.bool_]) -> CellTiles:
+        """Cells of these rays alone, slab by slab; too many, or so many that a slab is too large, are halved."""
         threads = _jit.threads()
         layout = touched_bricks(origins, directions, lengths, is_return, self.grid, threads)
-        if (len(layout.bricks) > _MOST_BRICKS and len(lengths) > 1) or len(lengths) > most_rays(self.grid):
+        slabs = layout.slabs(_MOST_BRICKS)
+        largest = max((len(part.bricks) for _, _, part in slabs), default=0)
+        if len(lengths) > 1 and (largest > _MOST_BRICKS or len(lengths) > most_rays(self.grid)):
             half = len(lengths) // 2
             one = self._walk(origins[:half], directions[:half], lengths[:half], is_return[:half])
             return one + self._walk(origins[half:], directions[half:], lengths[half:], is_return[half:])
-        require_memory((len(layout.bricks) + 1) * CELLS * 12, f"{len(layout.bricks)} bricks of cells")
-        walked, ends = accumulate_bricks(origins, directions, lengths, is_return, layout, threads)
-        counts = np.empty(len(layout.bricks), np.int64)
-        count_visited(walked, ends, counts)
-        offsets = np.concatenate([[0], np.cumsum(counts)])
-        v = int(offsets[-1])
-        local, hits, misses = np.empty(v, np.uint16), np.empty(v, np.uint32), np.empty(v, np.uint32)
-        path = np.empty(v, np.int64)
-        gather_visited(walked, ends, offsets, local, hits, misses, path)
-        some = counts > 0
-        offsets = np.concatenate([[0], np.cumsum(counts[some])])
-        return BrickStatistics(
-            self.grid, VisitedCells.in_order(layout.bricks[some], offsets, local, hits, misses, path)
-        )
+        require_memory((largest + 1) * CELLS * 12, f"{largest} bricks of cells")
+        cells = CellTiles({})
+        for first, last, part in slabs:
+            walked, ends = accumulate_bricks(origins, directions, lengths, is_return, part, threads, (first, last))
+            cells += _gathered(part, walked, ends)
+        return cells
 
     def __add__(self, other: BrickStatistics) -> BrickStatistics:
         """Merge statistics of one raster; the grid becomes the union of both.
@@ -232,14 +225,12 @@ class BrickStatistics:
         if not self.grid.shares_raster(grid):
             raise MapError(f"window: {grid} does not lie on the raster of the map")
         dense = RayStatistics.empty(grid)
-        shift = np.round((np.array(grid.origin) - self.grid.origin) / grid.resolution).astype(np.int64)
-        corner = self.layout.corners() - shift
-        part = self.cells.of_bricks(np.flatnonzero(((corner + BRICK > 0) & (corner < grid.shape)).all(1)))
-        index = self.layout.cells(part.keys) - shift
-        inside = ((index >= 0) & (index < grid.shape)).all(1)
-        at = tuple(index[inside].T)
-        for name in ("hits", "misses", "path_fixed"):
-            getattr(dense, name)[at] = getattr(part, name)[inside]
+        for tile, index in self._moved(grid):
+            inside = ((index >= 0) & (index < grid.shape)).all(1)
+            if inside.any():
+                at = tuple(index[inside].T)
+                for name in ("hits", "misses", "path_fixed"):
+                    getattr(dense, name)[at] = getattr(tile, name)[inside]
         return replace(dense, scans=self.scans, left_out=dict(self.left_out))
 
     def to_dense(self) -> RayStatistics:
@@ -258,11 +249,33 @@ class BrickStatistics:
             return self
         if not self.grid.shares_raster(grid):
             raise MapError(f"grid: {grid} does not lie on the raster of the map")
-        shift = np.round((np.array(grid.origin) - self.grid.origin) / grid.resolution).astype(np.int64)
-        index = self.layout.cells(self.keys) - shift
-        rows = np.flatnonzero(((index >= 0) & (index < grid.shape)).all(1))
-        keys = BrickLayout(grid, np.zeros(0, np.int64)).keys(index[rows])
-        order = np.argsort(keys)
-        rows = rows[order]
-        cells = VisitedCells.of_keys(keys[order], self.hits[rows], self.misses[rows], self.path_fixed[rows])
+        layout, cells = BrickLayout(grid, np.zeros(0, np.int64)), CellTiles({})
+        for tile, index in self._moved(grid):
+            rows = np.flatnonzero(((index >= 0) & (index < grid.shape)).all(1))
+            keys = layout.keys(index[rows])
+            order = np.argsort(keys)
+            rows = rows[order]
+            cells += CellTiles.of_keys(keys[order], tile.hits[rows], tile.misses[rows], tile.path_fixed[rows])
         return BrickStatistics(grid, cells, self.scans, dict(self.left_out))
+
+    def _moved(self, grid: Grid) -> Iterator[tuple[VisitedCells, Index]]:
+        """Tiles that touch a grid of the same raster, with the indices there of their cells."""
+        shift = np.round((np.array(grid.origin) - self.grid.origin) / grid.resolution).astype(np.int64)
+        for tile in self.cells.tiles.values():
+            corner = BrickLayout(self.grid, tile.bricks).corners() - shift
+            if ((corner + BRICK > 0) & (corner < grid.shape)).all(1).any():
+                yield tile, self.layout.cells(tile.keys) - shift
+
+
+def _gathered(layout: BrickLayout, walked: Index, ends: npt.NDArray[np.uint32]) -> CellTiles:
+    """Pack the visited cells of a pool of bricks; arguments as :func:`accumulate_bricks` returns them."""
+    counts = np.empty(len(layout.bricks), np.int64)
+    count_visited(walked, ends, counts)
+    offsets = np.concatenate([[0], np.cumsum(counts)])
+    v = int(offsets[-1])
+    local, hits, misses = np.empty(v, np.uint16), np.empty(v, np.uint32), np.empty(v, np.uint32)
+    path = np.empty(v, np.int64)
+    gather_visited(walked, ends, offsets, local, hits, misses, path)
+    some = counts > 0
+    offsets = np.concatenate([[0], np.cumsum(counts[some])])
+    return CellTiles.in_order(layout.bricks[some], offsets, local, hits, misses, path)

@@ -11,9 +11,9 @@ import numpy.typing as npt
 from factorloc.errors import MapError, MapFormatError
 from factorloc.mapping.brick_statistics import BrickStatistics
 from factorloc.mapping.bricks import BRICK, BrickLayout
+from factorloc.mapping.cell_tiles import CellTiles
 from factorloc.mapping.grid import Grid, require_memory
 from factorloc.mapping.hdf5 import CheckedFile, create_array, create_array_of
-from factorloc.mapping.visited_cells import VisitedCells
 
 if TYPE_CHECKING:
     import h5py
@@ -54,16 +54,14 @@ def check_bricks(file: CheckedFile, grid: Grid) -> None:
         file.array(name, dtype, (lengths.get(name, cells),))
 
 
-def write_bricks(file: h5py.File, cells: VisitedCells) -> None:
-    """Write the datasets and attributes of visited cells, which are unpacked run by run."""
+def write_bricks(file: h5py.File, cells: CellTiles) -> None:
+    """Write the datasets and attributes of visited cells, which are unpacked tile by tile."""
     for name, count in zip(COUNTS, (len(cells.bricks), len(cells)), strict=True):
         file.attrs[name] = np.int64(count)
-    offsets = cells.offsets
     create_array(file, "bricks", cells.bricks)
-    create_array(file, "offsets", offsets)
-    runs = list(_runs(offsets, np.ones(len(cells.bricks), np.bool_)))
+    create_array(file, "offsets", cells.offsets)
     for name in ("local", "hits", "misses", "path_fixed"):
-        pieces = (getattr(cells.run(rows.start, rows.stop, offsets), name) for rows in runs)
+        pieces = (getattr(tile, name) for tile in cells.tiles.values())
         create_array_of(file, name, pieces, (len(cells),), BRICK_ARRAYS[name])
 
 
@@ -87,9 +85,10 @@ def read_bricks(file: CheckedFile, whole: Grid, grid: Grid, scans: int, left_out
         If the cells do not fit into memory.
     """
     bricks, offsets = file.file["bricks"][()], file.file["offsets"][()]
-    cells = file.integer("cell_count")
-    if offsets[0] != 0 or offsets[-1] != cells or (np.diff(offsets) < 0).any():
+    if offsets[0] != 0 or offsets[-1] != file.integer("cell_count") or (np.diff(offsets) < 0).any():
         raise file.refused("'offsets' do not increase to the number of cells")
+    if not (np.diff(bricks) > 0).all():
+        raise file.refused("'bricks' does not increase")
     if len(bricks) and not 0 <= bricks.min() <= bricks.max() < np.prod(BrickLayout(whole, bricks[:0]).shape):
         raise file.refused("'bricks' has a number that is none of the grid's")
     corners = BrickLayout(whole, bricks).corners()
@@ -97,8 +96,10 @@ def read_bricks(file: CheckedFile, whole: Grid, grid: Grid, scans: int, left_out
     near = np.asarray(((corners + BRICK > shift) & (corners < shift + grid.shape)).all(1))
     require_memory(8 * int(np.diff(offsets)[near].sum()), f"{file.path}: a map of {int(near.sum())} bricks")
     try:
-        runs = [_read_run(file, bricks, offsets, rows) for rows in _runs(offsets, near)]
-        part = BrickStatistics(whole, VisitedCells.joined(runs), scans, left_out)
+        cells = CellTiles({})
+        for rows in _runs(offsets, near):
+            cells += _read_run(file, bricks, offsets, rows)
+        part = BrickStatistics(whole, cells, scans, left_out)
     except MapFormatError:
         raise
     except MapError as error:
@@ -107,7 +108,7 @@ def read_bricks(file: CheckedFile, whole: Grid, grid: Grid, scans: int, left_out
 
 
 def _runs(offsets: Index, near: npt.NDArray[np.bool_]) -> Iterator[slice]:
-    """Runs of wanted bricks that follow each other in the file, of few enough cells to unpack; at least one run."""
+    """Runs of wanted bricks that follow each other in the file, of few enough cells to unpack."""
     first = last = 0
     for k in np.flatnonzero(near).tolist():
         if k != last or offsets[k + 1] - offsets[first] > _MOST_UNPACKED:
@@ -115,13 +116,14 @@ def _runs(offsets: Index, near: npt.NDArray[np.bool_]) -> Iterator[slice]:
                 yield slice(first, last)
             first = k
         last = k + 1
-    yield slice(first, last)
+    if last > first:
+        yield slice(first, last)
 
 
-def _read_run(file: CheckedFile, bricks: Index, offsets: Index, rows: slice) -> VisitedCells:
+def _read_run(file: CheckedFile, bricks: Index, offsets: Index, rows: slice) -> CellTiles:
     """Read and pack the cells of bricks that follow each other."""
     begin, end = offsets[rows.start], offsets[rows.stop]
     arrays = {name: file.file[name][begin:end] for name in ("local", "hits", "misses", "path_fixed")}
     if (arrays["path_fixed"] < 0).any():
         raise file.refused("'path_fixed' is negative somewhere")
-    return VisitedCells.in_order(bricks[rows], offsets[rows.start : rows.stop + 1] - begin, **arrays)
+    return CellTiles.in_order(bricks[rows], offsets[rows.start : rows.stop + 1] - begin, **arrays)

@@ -68,6 +68,31 @@ class BrickLayout:
         places[1:-1, 1:-1, 1:-1] = inner
         return places.ravel()
 
+    def slabs(self, most: int) -> list[tuple[int, int, BrickLayout]]:
+        """Cut the bricks across x, so that as many as may be, but one layer at least, lie between two planes.
+
+        Parameters
+        ----------
+        most : int
+            Bricks of a slab; only a single layer has more.
+
+        Returns
+        -------
+        list of (first, last, layout)
+            Cells ``first <= x < last``, and the bricks there; those without bricks are left out.
+        """
+        n_x, n_y, n_z = self.shape
+        starts = np.searchsorted(self.bricks, np.arange(n_x + 1) * n_y * n_z)
+        slabs, first = [], 0
+        while first < n_x:
+            last = max(int(np.searchsorted(starts, starts[first] + most, side="right")) - 1, first + 1)
+            bricks = self.bricks[starts[first] : starts[last]]
+            if len(bricks):
+                end = min(last * BRICK, self.grid.shape[0])
+                slabs.append((first * BRICK, end, BrickLayout(self.grid, bricks)))
+            first = last
+        return slabs
+
     def corners(self) -> Index:
         """Lowest cell of each brick there is, shape (B, 3)."""
         return np.stack(np.unravel_index(self.bricks, self.shape), -1).astype(np.int64) * BRICK

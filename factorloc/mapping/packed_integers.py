@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -44,27 +43,6 @@ class PackedIntegers:
         values = self.narrow.astype(dtype)
         values[self.places] = self.wide
         return values
-
-    def take(self, rows: npt.NDArray[np.int64]) -> PackedIntegers:
-        """Return some of the numbers, given by increasing rows."""
-        place = np.searchsorted(rows, self.places)
-        kept = (place < len(rows)) & (rows[np.minimum(place, len(rows) - 1)] == self.places) if len(rows) else place < 0
-        return PackedIntegers(self.narrow[rows], place[kept], self.wide[kept])
-
-    def between(self, first: int, last: int) -> PackedIntegers:
-        """The numbers ``first:last``, without copying."""
-        a, b = np.searchsorted(self.places, (first, last))
-        return PackedIntegers(self.narrow[first:last], self.places[a:b] - first, self.wide[a:b])
-
-    @staticmethod
-    def join(parts: Sequence[PackedIntegers]) -> PackedIntegers:
-        """Numbers of several, one after the other."""
-        starts = np.cumsum([0, *(len(part.narrow) for part in parts[:-1])])
-        return PackedIntegers(
-            np.concatenate([part.narrow for part in parts]),
-            np.concatenate([part.places + start for part, start in zip(parts, starts, strict=True)]),
-            np.concatenate([part.wide for part in parts]),
-        )
 
     @property
     def nbytes(self) -> int:

@@ -109,8 +109,14 @@ def accumulate_bricks(
     is_return: npt.NDArray[np.bool_],
     layout: BrickLayout,
     threads: int,
+    between: tuple[int, int] | None = None,
 ) -> tuple[Index, npt.NDArray[np.uint32]]:
     """Walk rays through bricks, at most :func:`most_rays`.
+
+    Parameters
+    ----------
+    between : (first, last), optional
+        Walk only cells ``first <= x < last``; the bricks need not hold others.
 
     Returns
     -------
@@ -121,7 +127,9 @@ def accumulate_bricks(
     shape = (len(layout.bricks) + 1, CELLS)
     walked, hits = np.zeros(shape, np.int64), np.zeros(shape, np.uint32)
     directory = layout.directory
-    walk_spatial(origins, directions, lengths, is_return, layout.grid, directory, walked.ravel(), hits.ravel(), threads)
+    walk_spatial(
+        origins, directions, lengths, is_return, layout.grid, directory, walked.ravel(), hits.ravel(), threads, between
+    )  # fmt: skip
     return walked, hits
 
 
@@ -135,10 +143,12 @@ def walk_spatial(
     walked: Index,
     hits: npt.NDArray[np.uint32],
     threads: int,
+    between: tuple[int, int] | None = None,
 ) -> None:
     """Walk rays through arrays that are there, in threads that own slabs of them; arguments as the kernel's."""
     low = np.array(grid.origin)
-    edges = _slabs(origins, directions, lengths, grid, _SLABS_A_THREAD * threads if threads > 1 else 1)
+    first_x, last_x = between or (0, grid.shape[0])
+    edges = _slabs(origins, directions, lengths, grid, _SLABS_A_THREAD * threads if threads > 1 else 1, first_x, last_x)
 
     def walk(first: int, last: int) -> None:
         for slab in range(first, last):
@@ -150,15 +160,18 @@ def walk_spatial(
     _jit.in_threads(walk, len(edges) - 1)
 
 
-def _slabs(origins: Array, directions: Array, lengths: Array, grid: Grid, count: int) -> list[int]:
+def _slabs(
+    origins: Array, directions: Array, lengths: Array, grid: Grid, count: int, first_x: int, last_x: int
+) -> list[int]:
     """Cells along x at which slabs of about equal work begin, with the end."""
-    n_x = grid.shape[0]
     if count == 1 or len(lengths) == 0:
-        return [0, n_x]
+        return [first_x, last_x]
     some = slice(None, None, max(1, len(lengths) // _SAMPLES))
     along = np.linspace(0.05, 0.95, 10) * lengths[some, None]
     x = (origins[some, :1] + directions[some, :1] * along - grid.origin[0]) / grid.resolution
     weights = np.broadcast_to(lengths[some, None], x.shape)
-    work = np.bincount(np.clip(x, 0, n_x - 1).astype(np.int64).ravel(), weights.ravel(), n_x).cumsum()
-    inner = np.searchsorted(work, work[-1] * np.arange(1, count) / count) + 1
-    return [int(x) for x in np.unique(np.clip([0, *inner, n_x], 0, n_x))]
+    cell = np.clip(x, 0, grid.shape[0] - 1).astype(np.int64) - first_x
+    inside = (cell >= 0) & (cell < last_x - first_x)
+    work = np.bincount(cell[inside], weights[inside], last_x - first_x).cumsum()
+    inner = first_x + np.searchsorted(work, work[-1] * np.arange(1, count) / count) + 1
+    return [int(x) for x in np.unique(np.clip([first_x, *inner, last_x], first_x, last_x))]

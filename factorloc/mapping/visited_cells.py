@@ -1,32 +1,27 @@
-"""Visited cells: counts of the cells that rays have met, brick by brick, packed."""
+"""Visited cells: counts of the cells that rays have met in some bricks, packed."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 
 from factorloc.errors import MapError
 from factorloc.mapping._brick_kernels import merge_sorted
-from factorloc.mapping._traversal_kernels import FIXED_POINT
 from factorloc.mapping.bricks import CELLS
 from factorloc.mapping.packed_integers import PackedIntegers
 
 __all__ = ["VisitedCells"]
 
-Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
 
 _MOST_VISITS = np.iinfo(np.uint32).max
-_MOST_UNPACKED = 250_000  # cells at a time when maps are added
 
 
 @dataclass(frozen=True)
 class VisitedCells:
-    """Hits, misses and path length of cells, about 7 bytes each.
+    """Hits, misses and path length of the cells of some bricks, about 7 bytes each.
 
     Parameters
     ----------
@@ -116,9 +111,9 @@ class VisitedCells:
         return int(np.bitwise_count(self.visited).sum(dtype=np.int64))
 
     @property
-    def offsets(self) -> Index:
-        """Where the cells of each brick begin, and end, shape (B + 1,)."""
-        return np.concatenate([[0], np.cumsum(np.bitwise_count(self.visited).sum(1, dtype=np.int64))])
+    def counts(self) -> Index:
+        """Visited cells of each brick, shape (B,)."""
+        return np.asarray(np.bitwise_count(self.visited).sum(1, dtype=np.int64))
 
     @property
     def local(self) -> npt.NDArray[np.uint16]:
@@ -128,7 +123,7 @@ class VisitedCells:
     @property
     def keys(self) -> Index:
         """Key of each cell, increasing, shape (V,)."""
-        return np.repeat(self.bricks, np.diff(self.offsets)) * CELLS + self.local
+        return np.repeat(self.bricks, self.counts) * CELLS + self.local
 
     @property
     def hits(self) -> npt.NDArray[np.uint32]:
@@ -146,73 +141,19 @@ class VisitedCells:
         return self.packed_path.unpack(np.int64)
 
     @property
-    def path_lengths(self) -> Array:
-        """Path length of all rays in each cell, m (R of the thesis), shape (V,)."""
-        return self.path_fixed / FIXED_POINT
-
-    @property
     def nbytes(self) -> int:
         """Memory of the arrays."""
         packed = (self.packed_hits, self.packed_misses, self.packed_path)
         return self.bricks.nbytes + self.visited.nbytes + sum(part.nbytes for part in packed)
 
-    def of_bricks(self, chosen: Index) -> VisitedCells:
-        """Return the cells of some bricks, given by increasing places in :attr:`bricks`."""
-        offsets = self.offsets
-        counts = (offsets[1:] - offsets[:-1])[chosen]
-        starts = np.concatenate([[0], np.cumsum(counts)])
-        rows = np.arange(starts[-1]) + np.repeat(offsets[chosen] - starts[:-1], counts)
-        parts = (part.take(rows) for part in (self.packed_hits, self.packed_misses, self.packed_path))
-        return VisitedCells(self.bricks[chosen], self.visited[chosen], *parts)
-
     def __add__(self, other: VisitedCells) -> VisitedCells:
-        """Add up the counts of cells of one grid.
-
-        Counts are unpacked only in runs of bricks that both have, a quarter of a million cells at a time: what a large
-        map takes in costs little more than the part of it that changes.
+        """Add up the counts of cells of one grid, which are unpacked for it.
 
         Raises
         ------
         MapError
             If a cell saw more than 2^32 - 1 rays.
         """
-        bricks = np.union1d(self.bricks, other.bricks)
-        if not len(bricks):
-            return self
-        ends = [np.searchsorted(part.bricks, bricks, side="right") for part in (self, other)]
-        offsets = [part.offsets for part in (self, other)]
-        cells = offsets[0][ends[0]] + offsets[1][ends[1]]
-        last = np.append(np.flatnonzero(np.diff(cells // _MOST_UNPACKED)), len(bricks) - 1)
-        runs = []
-        for part, end, offset in zip((self, other), ends, offsets, strict=True):
-            edges = np.concatenate([[0], end[last]])
-            runs.append([part.run(a, b, offset) for a, b in pairwise(edges)])
-        pairs = zip(*runs, strict=True)
-        return VisitedCells.joined([a._added(b) if len(a) and len(b) else a if len(a) else b for a, b in pairs])
-
-    def run(self, first: int, last: int, offsets: Index) -> VisitedCells:
-        """The cells of the bricks at places ``first:last``, without copying; ``offsets`` are :attr:`offsets`."""
-        a, b = int(offsets[first]), int(offsets[last])
-        parts = (part.between(a, b) for part in (self.packed_hits, self.packed_misses, self.packed_path))
-        return VisitedCells(self.bricks[first:last], self.visited[first:last], *parts)
-
-    @staticmethod
-    def joined(runs: Sequence[VisitedCells]) -> VisitedCells:
-        """Bricks of several, at least one, one after the other.
-
-        Raises
-        ------
-        MapError
-            If the bricks do not increase.
-        """
-        packed = (
-            PackedIntegers.join([getattr(run, f"packed_{name}") for run in runs]) for name in ("hits", "misses", "path")
-        )
-        return VisitedCells(
-            np.concatenate([run.bricks for run in runs]), np.concatenate([run.visited for run in runs]), *packed
-        )
-
-    def _added(self, other: VisitedCells) -> VisitedCells:
         keys_a, keys_b = self.keys, other.keys
         from_a, from_b = np.empty(len(keys_a), np.int64), np.empty(len(keys_b), np.int64)
         count = merge_sorted(keys_a, keys_b, from_a, from_b)

@@ -16,6 +16,7 @@ from benchmarks.resident_memory import MemoryCurve, peak_resident, resident
 from factorloc.config import read_config
 from factorloc.errors import ConfigError, FactorlocError
 from factorloc.mapping import BrickStatistics, Grid
+from factorloc.mapping.cell_tiles import CellTiles
 from factorloc.scan import RayStatus, Scan
 from factorloc.simulation import Town
 
@@ -77,11 +78,12 @@ def test_maps_that_differ_in_one_count_are_not_the_same() -> None:
     assert not same(statistics, replace(statistics, scans=3))
     assert not same(statistics, BrickStatistics.empty(GRID))
     assert not same(statistics.to_dense(), statistics)
-    packed = statistics.cells.packed_path
-    narrow = packed.narrow.copy()
+    number, tile = next(iter(statistics.cells.tiles.items()))
+    narrow = tile.packed_path.narrow.copy()
     narrow[17] += 1
-    cells = replace(statistics.cells, packed_path=replace(packed, narrow=narrow))
-    assert not same(statistics, replace(statistics, cells=cells))
+    other = replace(tile, packed_path=replace(tile.packed_path, narrow=narrow))
+    assert not same(statistics, replace(statistics, cells=CellTiles({**statistics.cells.tiles, number: other})))
+    assert not same(statistics, replace(statistics, cells=CellTiles({})))
 
 
 def test_only_rays_that_differ_are_counted() -> None:

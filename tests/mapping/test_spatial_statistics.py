@@ -22,9 +22,9 @@ from factorloc.errors import MapError
 from factorloc.mapping import BrickStatistics, Grid, RayStatistics, ray_statistics
 from factorloc.mapping import brick_statistics as module
 from factorloc.mapping._spatial_traversal_kernels import accumulate_spatial
-from factorloc.mapping.bricks import BrickLayout
+from factorloc.mapping.bricks import BRICK, BrickLayout
+from factorloc.mapping.cell_tiles import TILE, CellTiles
 from factorloc.mapping.packed_integers import PackedIntegers
-from factorloc.mapping.visited_cells import VisitedCells
 from factorloc.scan import RayStatus, Scan
 
 ARRAYS = ("hits", "misses", "path_fixed")
@@ -173,13 +173,55 @@ def test_keys_name_cells(grid: Grid, seed: int) -> None:
     assert np.array_equal(layout.cells(layout.keys(cells)), cells)
 
 
-@given(st.lists(st.sampled_from([0, 1, 254, 255, 256, 70_000]), max_size=30), st.data())
-def test_packed_numbers_are_the_numbers(numbers: list[int], data: st.DataObject) -> None:
+@given(st.lists(st.sampled_from([0, 1, 254, 255, 256, 70_000]), max_size=30))
+def test_packed_numbers_are_the_numbers(numbers: list[int]) -> None:
     packed = PackedIntegers.pack(np.array(numbers, np.int64), np.uint8)
     assert packed.unpack(np.int64).tolist() == numbers
-    rows = np.flatnonzero(data.draw(st.lists(st.booleans(), min_size=len(numbers), max_size=len(numbers))))
-    assert packed.take(rows).unpack(np.int64).tolist() == [numbers[row] for row in rows]
     assert packed.narrow.itemsize == 1
+
+
+def test_an_addition_makes_only_the_tiles_anew_that_it_touches() -> None:
+    grid = Grid((0.0, 0.0, 0.0), 1.0, (3 * BRICK, 8 * BRICK, 16 * BRICK))  # a tile is a layer of bricks across x
+    along_y = np.array([0.0, 1.0, 0.0])
+    one, other = (
+        bricks([Ray(np.array([x, 0.5, 3.5]), along_y, 100.0, RayStatus.RETURN)], grid) for x in (3.5, 2 * BRICK + 3.5)
+    )
+    assert (list(one.cells.tiles), list(other.cells.tiles)) == ([0], [2])
+    both = one + other
+    assert both.cells.tiles[0] is one.cells.tiles[0]
+    assert both.cells.tiles[2] is other.cells.tiles[2]
+    twice = both + one
+    assert twice.cells.tiles[2] is other.cells.tiles[2]
+    assert twice.cells.tiles[0].hits.sum() == 2
+    assert one.cells.tiles[0].hits.sum() == 1, "what was added to has not changed"
+
+
+@given(st.data())
+def test_tiles_hold_the_bricks_of_their_number(data: st.DataObject) -> None:
+    grid = data.draw(spatial_grids())
+    found = bricks(data.draw(spatial_rays(grid, 6)), grid)
+    assert list(found.cells.tiles) == sorted(found.cells.tiles)
+    for number, tile in found.cells.tiles.items():
+        assert len(tile) > 0
+        assert (tile.bricks // TILE == number).all()
+    assert found.nbytes == sum(tile.nbytes for tile in found.cells.tiles.values())
+    assert len(found.cells) == len(found.keys)
+
+
+@given(st.lists(st.integers(0, 23), max_size=12), st.integers(1, 5))
+def test_slabs_hold_every_brick_once(numbers: list[int], most: int) -> None:
+    grid = Grid((0.0, 0.0, 0.0), 1.0, (5 * BRICK + 3, 2 * BRICK, BRICK + 1))  # layers of 4 bricks, the last one thin
+    layout = BrickLayout(grid, np.unique(np.array(numbers, np.int64)))
+    slabs = layout.slabs(most)
+    assert np.array_equal(np.concatenate([layout.bricks[:0], *(part.bricks for _, _, part in slabs)]), layout.bricks)
+    last = 0
+    for first, end, part in slabs:
+        assert last <= first < end <= grid.shape[0]
+        assert first % BRICK == 0
+        assert len(part.bricks) <= most or end - first <= BRICK
+        corners = part.corners()[:, 0]
+        assert ((corners >= first) & (corners < end)).all()
+        last = end
 
 
 def test_scans_at_poses_of_a_moving_body() -> None:
@@ -212,7 +254,7 @@ def test_what_does_not_fit_is_refused() -> None:
     with pytest.raises(MapError, match="none given"):
         BrickStatistics.merge([])
     with pytest.raises(MapError, match="damaged"):
-        VisitedCells.in_order(np.array([5]), np.array([0, 1]), *(np.zeros(0, t) for t in ("u2", "u4", "u4", "i8")))
-    cell = VisitedCells.of_keys(np.array([5 * 4096]), *(np.ones(1, t) for t in ("u4", "u4", "i8")))
+        CellTiles.in_order(np.array([5]), np.array([0, 1]), *(np.zeros(0, t) for t in ("u2", "u4", "u4", "i8")))
+    cell = CellTiles.of_keys(np.array([5 * 4096]), *(np.ones(1, t) for t in ("u4", "u4", "i8")))
     with pytest.raises(MapError, match="none of the grid's"):
         BrickStatistics(empty.grid, cell)
