@@ -12,6 +12,7 @@ from factorloc.mapping.distance_transform import DistanceField
 from factorloc.mapping.end_point import EndPointModel
 from factorloc.mapping.evidence import RateEvidence, ReflectionEvidence
 from factorloc.mapping.fading_counts import FadingCounts
+from factorloc.mapping.georeference import Georeference
 from factorloc.mapping.grid import Grid
 from factorloc.mapping.map_change import MapChange
 from factorloc.mapping.map_shift import MapShift, log_match
@@ -19,6 +20,9 @@ from factorloc.mapping.noisy_decay_rate import NoisyDecayRateMap
 from factorloc.mapping.normalized_end_point import NormalizedEndPointModel
 from factorloc.mapping.occupancy import OccupancyMap
 from factorloc.mapping.out_of_range import OutOfRangePrior
+from factorloc.mapping.pole_map import PoleMap
+from factorloc.mapping.pole_map_storage import is_pole_map, read_pole_map, write_pole_map
+from factorloc.mapping.poles import Poles
 from factorloc.mapping.prior import GammaPrior, estimate_prior
 from factorloc.mapping.pyramid import DEFAULT_BLURS, BlurPyramid
 from factorloc.mapping.ray_statistics import RayStatistics
@@ -44,6 +48,7 @@ __all__ = [
     "FadingCounts",
     "GammaBelief",
     "GammaPrior",
+    "Georeference",
     "Grid",
     "MapChange",
     "MapInfo",
@@ -52,6 +57,8 @@ __all__ = [
     "NormalizedEndPointModel",
     "OccupancyMap",
     "OutOfRangePrior",
+    "PoleMap",
+    "Poles",
     "RateEvidence",
     "RayStatistics",
     "ReflectionEvidence",
@@ -61,10 +68,13 @@ __all__ = [
     "SpatialPyramid",
     "estimate_beta_prior",
     "estimate_prior",
+    "is_pole_map",
     "log_match",
     "make_sensor_model",
     "read_map",
     "read_map_info",
+    "read_pole_map",
     "top_view",
     "write_map",
+    "write_pole_map",
 ]
