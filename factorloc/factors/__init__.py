@@ -12,6 +12,10 @@ from factorloc.factors.end_point_term import EndPointTerm, SpatialEndPointTerm
 from factorloc.factors.grid_scan_term import DecayRateTerm, PosteriorTerm
 from factorloc.factors.level_tables import LevelTables
 from factorloc.factors.odometry import OdometryNoise, odometry_factors
+from factorloc.factors.pole_association import JointCompatibility, MaxMixture, NearestNeighbour, PoleAssociation
+from factorloc.factors.pole_detections import PoleDetections, PoleLandmarks, PoleMixture
+from factorloc.factors.pole_factors import known_poles_factor, landmark_factors, landmark_priors
+from factorloc.factors.pole_term import PoleTerm
 from factorloc.factors.prior import PosePrior
 from factorloc.factors.scan_term import ScanCosts, ScanTerm
 from factorloc.factors.spatial_scan_term import SpatialScanTerm
@@ -21,8 +25,16 @@ __all__ = [
     "DistanceFieldTerm",
     "EndPointLevels",
     "EndPointTerm",
+    "JointCompatibility",
     "LevelTables",
+    "MaxMixture",
+    "NearestNeighbour",
     "OdometryNoise",
+    "PoleAssociation",
+    "PoleDetections",
+    "PoleLandmarks",
+    "PoleMixture",
+    "PoleTerm",
     "PosePrior",
     "PosteriorTerm",
     "ScanCosts",
@@ -30,6 +42,9 @@ __all__ = [
     "SpatialEndPointTerm",
     "SpatialScanTerm",
     "hessian_factors",
+    "known_poles_factor",
+    "landmark_factors",
+    "landmark_priors",
     "odometry_factors",
     "square_root_factor",
 ]
