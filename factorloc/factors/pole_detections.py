@@ -99,7 +99,7 @@ class PoleDetections:
 
     def local_map(self, number: int) -> Poles:
         """Poles of one local map."""
-        return self.poles.select(slice(int(self.offsets[number]), int(self.offsets[number + 1])))
+        return self.poles.select(np.arange(self.offsets[number], self.offsets[number + 1]))
 
     def placed(self, poses: npt.ArrayLike) -> Array:
         """Where the detections are in the map at poses (S, 3), shape (K, 2)."""
@@ -114,7 +114,7 @@ class PoleDetections:
     def rows(self, first: int, last: int) -> PoleDetections:
         """Return the local maps ``first:last``."""
         low, high = int(self.offsets[first]), int(self.offsets[last])
-        return PoleDetections(self.poles.select(slice(low, high)), self.offsets[first : last + 1] - low)
+        return PoleDetections(self.poles.select(np.arange(low, high)), self.offsets[first : last + 1] - low)
 
     def columns(self, mixture: PoleMixture) -> Array:
         """Variance, width, height and log clutter of each detection, shape (K, 4), as kernels take them."""

@@ -20,7 +20,7 @@ __all__ = ["PoleTerm"]
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
 
-_LEAST_GATE = 0.5  # m
+_LEAST_CELL = 2.0  # m; smaller cells are more work than they save
 
 
 class PoleTerm:
@@ -70,7 +70,9 @@ class PoleTerm:
         self._columns = detections.columns(mixture)
         self._numbers = np.array([mixture.width_sigma**-2, mixture.height_sigma**-2, mixture.attribute_cap])
         attributes = landmarks.columns(mixture)
-        self._cells = [PointCells.of(landmarks.poles.positions, self.gate(blur)) for blur in self._blurs]
+        self._cells = [
+            PointCells.of(landmarks.poles.positions, max(self.gate(blur), _LEAST_CELL)) for blur in self._blurs
+        ]
         self._attributes = [np.ascontiguousarray(attributes[cells.order]) for cells in self._cells]
 
     @property
@@ -88,7 +90,7 @@ class PoleTerm:
         mixture = self.mixture
         variance = mixture.sigma**2 + mixture.landmark_sigma**2 + blur**2
         rarest = float(self._columns[:, 3].min(initial=np.log(mixture.clutter)))
-        return max(_LEAST_GATE, float(np.sqrt(2 * variance * max(-np.log(2 * np.pi * variance) - rarest, 0.0))))
+        return float(np.sqrt(2 * variance * max(-np.log(2 * np.pi * variance) - rarest, 0.0)))
 
     def batch(self, poses: npt.ArrayLike, level: int = -1, scan_of_pose: npt.ArrayLike | None = None) -> ScanCosts:
         """Cost, gradient and Hessian at poses ``T_map_body`` (N, 3); pose ``n`` is of local map ``n`` unless told.

@@ -65,5 +65,6 @@ class PointCells:
         shape = (int(extent[0]), int(extent[1]))
         number = (index[:, 0] * shape[1] + index[:, 1]).astype(np.int64)
         order = np.argsort(number, kind="stable").astype(np.int64)
-        starts = np.searchsorted(number[order], np.arange(shape[0] * shape[1] + 1)).astype(np.int64)
+        starts = np.zeros(shape[0] * shape[1] + 1, np.int64)
+        np.cumsum(np.bincount(number, minlength=shape[0] * shape[1]), out=starts[1:])
         return cls(np.ascontiguousarray(given[order]), order, starts, low, float(cell), shape)
