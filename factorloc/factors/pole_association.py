@@ -151,7 +151,7 @@ class _Search:
         most_nodes: int,
     ) -> None:
         self.choices, self.jacobians, self.covariance, self.sigma = choices, jacobians, covariance, sigma
-        self.gates = chi2.ppf(confidence, 2 * np.arange(1, len(choices) + 1))
+        self.gates = np.atleast_1d(chi2.ppf(confidence, 2 * np.arange(1, len(choices) + 1)))
         self.left = most_nodes
         self.best: list[tuple[int, int]] = []
         self.best_distance = np.inf

@@ -124,7 +124,7 @@ class PoleTerm:
         """Lower bound of the cost of each local map, shape (S,)."""
         variance = self.mixture.sigma**2 + self.mixture.landmark_sigma**2 + self._blurs[level] ** 2
         least = np.minimum(np.log(2 * np.pi * variance) + self._columns[:, 3], 0.0)
-        return self.information * np.bincount(self.detections.pose_of, least, minlength=self.scans)
+        return np.asarray(self.information * np.bincount(self.detections.pose_of, least, minlength=self.scans))
 
     def matches(self, poses: npt.ArrayLike, level: int = -1) -> tuple[Index, Array]:
         """Landmark of each detection at the poses of all local maps (S, 3).

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -50,44 +51,47 @@ class PoseEstimate:
 
 @dataclass(frozen=True)
 class ParticleEstimates:
-    """What particles say of the pose.
+    """What particles say of the pose, made when it is asked for.
 
     Parameters
     ----------
-    mean : PoseEstimate
-        Weighted mean of all: best where the belief has one peak.
-    best : PoseEstimate
-        Weighted mean of the tenth of the particles with the most weight.
-    mode : PoseEstimate
-        Weighted mean of the densest cluster: of the heaviest bin, counted with the bins around it. Its mass says how
-        much of the belief is there.
-    effective_size : float
-        Of the particles.
+    particles : Particles
+        After reweighting.
+    bins : PoseBins
+        What a cluster is made of.
     """
 
-    mean: PoseEstimate
-    best: PoseEstimate
-    mode: PoseEstimate
-    effective_size: float
+    particles: Particles
+    bins: PoseBins
 
     @classmethod
     def of(cls, particles: Particles, bins: PoseBins) -> ParticleEstimates:
-        """Make all three.
+        """Make it; the same as calling the class."""
+        return cls(particles, bins)
 
-        Parameters
-        ----------
-        particles : Particles
-            After reweighting.
-        bins : PoseBins
-            What a cluster is made of.
+    @cached_property
+    def mean(self) -> PoseEstimate:
+        """Weighted mean of all: best where the belief has one peak."""
+        return PoseEstimate.of(self.particles)
+
+    @cached_property
+    def best(self) -> PoseEstimate:
+        """Weighted mean of the tenth of the particles with the most weight."""
+        heavy = np.argsort(-self.particles.log_weights, kind="stable")[: -(-len(self.particles) // 10)]
+        return _of_some(self.particles, heavy)
+
+    @cached_property
+    def mode(self) -> PoseEstimate:
+        """Weighted mean of the densest cluster: of the heaviest bin, counted with the bins around it.
+
+        Its mass says how much of the belief is there.
         """
-        heavy = np.argsort(-particles.log_weights, kind="stable")[: -(-len(particles) // 10)]
-        return cls(
-            PoseEstimate.of(particles),
-            _of_some(particles, heavy),
-            _of_some(particles, _densest(particles, bins)),
-            particles.effective_size,
-        )
+        return _of_some(self.particles, _densest(self.particles, self.bins))
+
+    @property
+    def effective_size(self) -> float:
+        """Effective number of the particles."""
+        return self.particles.effective_size
 
 
 def mean_pose(poses: npt.ArrayLike, weights: npt.ArrayLike) -> Array:

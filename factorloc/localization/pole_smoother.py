@@ -110,10 +110,11 @@ class PoleLocalization:
 
     def account(self, names: Sequence[str] | None = None) -> str:
         """Say in some lines which landmarks are not trusted, by their rows or names."""
+
+        def call(rows: Index) -> str:
+            return ", ".join(str(row) if names is None else names[row] for row in rows)
+
         lines = []
-        call = (lambda rows: ", ".join(str(row) for row in rows)) if names is None else (
-            lambda rows: ", ".join(names[row] for row in rows)
-        )  # fmt: skip
         if len(self.distrusted):
             lines.append(f"{len(self.distrusted)} landmarks contradict odometry: {call(self.distrusted)}")
         for group in self.moved:
