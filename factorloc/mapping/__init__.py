@@ -7,13 +7,18 @@ their statistics into the likelihood of a scan.
 from factorloc.mapping.belief import BetaBelief, GammaBelief
 from factorloc.mapping.beta_prior import BetaPrior, estimate_beta_prior
 from factorloc.mapping.brick_statistics import BrickStatistics
+from factorloc.mapping.building_outlines import BuildingOutlines, Outline
 from factorloc.mapping.decay_rate import DecayRateMap, DecayRatePosterior
 from factorloc.mapping.distance_transform import DistanceField
 from factorloc.mapping.end_point import EndPointModel
 from factorloc.mapping.evidence import RateEvidence, ReflectionEvidence
+from factorloc.mapping.facade_bounds import FacadeBounds
+from factorloc.mapping.facade_map import FacadeMap, MapUncertainty
+from factorloc.mapping.facades import Facades
 from factorloc.mapping.fading_counts import FadingCounts
 from factorloc.mapping.georeference import Georeference
 from factorloc.mapping.grid import Grid
+from factorloc.mapping.local_frame import LocalFrame
 from factorloc.mapping.map_change import MapChange
 from factorloc.mapping.map_shift import MapShift, log_match
 from factorloc.mapping.noisy_decay_rate import NoisyDecayRateMap
@@ -41,24 +46,31 @@ __all__ = [
     "BetaPrior",
     "BlurPyramid",
     "BrickStatistics",
+    "BuildingOutlines",
     "DecayRateMap",
     "DecayRatePosterior",
     "DistanceField",
     "EndPointModel",
+    "FacadeBounds",
+    "FacadeMap",
+    "Facades",
     "FadingCounts",
     "GammaBelief",
     "GammaPrior",
     "Georeference",
     "Grid",
+    "LocalFrame",
     "MapChange",
     "MapInfo",
     "MapShift",
+    "MapUncertainty",
     "NoisyDecayRateMap",
     "NormalizedEndPointModel",
     "OccupancyMap",
     "OutOfRangePrior",
     "PoleMap",
     "Poles",
+    "Outline",
     "RateEvidence",
     "RayStatistics",
     "ReflectionEvidence",

@@ -1,0 +1,221 @@
+"""FacadeMap: the outer walls of the buildings of a place, with the errors the map is declared to have."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+from factorloc.errors import MapError
+from factorloc.mapping.building_outlines import BuildingOutlines
+from factorloc.mapping.facade_bounds import FacadeBounds
+from factorloc.mapping.facades import Facades
+from factorloc.mapping.local_frame import LocalFrame
+from factorloc.mapping.outer_walls import exposed_parts, straight_walls
+
+__all__ = ["FacadeMap", "MapUncertainty"]
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class MapUncertainty:
+    """Greatest errors of a building map along x and along y; guarantees hold only as far as they do.
+
+    Parameters
+    ----------
+    shift : float
+        Of a building as a whole, m. OpenStreetMap: 1.5 to 2; a cadastral LOD2 model: 0.2.
+    vertex : float
+        Of each corner on top of that, m. OpenStreetMap: 0.2 to 0.3; a cadastral LOD2 model: 0.05.
+
+    Raises
+    ------
+    MapError
+        If one is negative or not finite.
+    """
+
+    shift: float = 2.0
+    vertex: float = 0.3
+
+    def __post_init__(self) -> None:
+        for name in ("shift", "vertex"):
+            if not 0 <= getattr(self, name) < math.inf:
+                raise MapError(f"map uncertainty: {name} {getattr(self, name)} m; must not be negative, and finite")
+
+
+@dataclass(frozen=True, eq=False)
+class FacadeMap:
+    """Facades, the buildings they belong to, and where all that is from.
+
+    Parameters
+    ----------
+    facades : Facades
+        Outer walls; ``facades.buildings`` counts into the outlines.
+    outlines : tuple of shapely.Polygon
+        Buildings, m, as mapped.
+    heights : (B,) array_like
+        Heights of the buildings, m; NaN where the map does not tell.
+    uncertainty : MapUncertainty
+        What was declared, without the transformation and without the corners left out on straight walls.
+    frame : LocalFrame, optional
+        Where it lies on earth.
+    attribution : str
+        Whom every picture and report has to name; empty if nobody.
+    provenance : mapping of str to str
+        Where it is from.
+    left_out : mapping of str to int
+        What was not used, by reason.
+
+    Raises
+    ------
+    MapError
+        If a facade belongs to no outline, or the heights are not one for each outline.
+    """
+
+    facades: Facades
+    outlines: tuple[shapely.Polygon, ...]
+    heights: Array
+    uncertainty: MapUncertainty = field(default_factory=MapUncertainty)
+    frame: LocalFrame | None = None
+    attribution: str = ""
+    provenance: Mapping[str, str] = field(default_factory=dict)
+    left_out: Mapping[str, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        heights = np.asarray(self.heights, np.float64)
+        object.__setattr__(self, "heights", heights)
+        if heights.shape != (len(self.outlines),):
+            raise MapError(f"facade map: heights of shape {heights.shape} for {len(self.outlines)} outlines")
+        numbers = self.facades.buildings
+        if len(numbers) and not 0 <= numbers.min() <= numbers.max() < len(self.outlines):
+            raise MapError("facade map: a facade belongs to a building that is not there")
+
+    @classmethod
+    def from_outlines(
+        cls,
+        buildings: BuildingOutlines,
+        uncertainty: MapUncertainty | None = None,
+        *,
+        least_length: float = 1.0,
+        tolerance: float = 0.05,
+        gap: float = 0.4,
+    ) -> FacadeMap:
+        """Take the outer walls of buildings, without those they share.
+
+        Outlines inside others are left out first (see :meth:`BuildingOutlines.whole`). The stated accuracy of the
+        transformation to the local frame is added to the shift of every building. Where corners on a straight wall are
+        left out, their distance from it is added to its vertex error, so that every point of the true wall still lies
+        on a line that is allowed. A wall that stands free only in parts is cut: the ends of a part are points of the
+        true wall, bounded like its corners, though the part that is seen may begin elsewhere if the neighbour is off.
+
+        Parameters
+        ----------
+        buildings : BuildingOutlines
+            What a reader found.
+        uncertainty : MapUncertainty, optional
+            Declared errors; those of OpenStreetMap by default.
+        least_length : float
+            Shorter walls, and parts of walls, are left out and counted, m.
+        tolerance : float
+            How far a corner may be from a straight wall that is put in its place, m; 0 keeps all corners.
+        gap : float
+            A neighbour closer than that before a wall shares it, m.
+
+        Raises
+        ------
+        MapError
+            If there is no building, or a setting is out of its range.
+        """
+        for name, value in (("least_length", least_length), ("tolerance", tolerance), ("gap", gap)):
+            if not 0 <= value < math.inf:
+                raise MapError(f"facade map: {name} {value} m; must not be negative, and finite")
+        uncertainty = uncertainty or MapUncertainty()
+        if not len(buildings):
+            raise MapError(f"{buildings.source or 'outlines'}: holds no building; cut out another place")
+        whole = buildings.whole()
+        polygons = tuple(outline.polygon for outline in whole.outlines)
+        accuracy = whole.frame.accuracy if whole.frame is not None else 0.0
+        found = [straight_walls(polygon, tolerance) for polygon in polygons]
+        walls = np.concatenate([pieces for pieces, _ in found])
+        deviations = np.concatenate([off for _, off in found])
+        owners = np.repeat(np.arange(len(found)), [len(pieces) for pieces, _ in found])
+        parts = exposed_parts(walls, polygons, gap)
+        rows = np.repeat(np.arange(len(walls)), [len(part) for part in parts])
+        shares = np.concatenate(parts)
+        along = walls[rows, 1] - walls[rows, 0]
+        length = np.hypot(along[:, 0], along[:, 1]) * (shares[:, 1] - shares[:, 0])
+        kept = (length >= least_length) & (length > 0)
+        segments = walls[rows, :1] + shares[:, :, None] * along[:, None]
+        # What is whole keeps its corners to the last bit.
+        segments[:, 1] = np.where(shares[:, 1:] == 1.0, walls[rows, 1], segments[:, 1])
+        errors = uncertainty.vertex + deviations[rows]
+        shifts = np.full(len(rows), uncertainty.shift + accuracy)
+        facades = Facades(segments[kept], owners[rows][kept], shifts[kept], errors[kept])
+        left_out = dict(whole.left_out)
+        left_out["walls between buildings"] = sum(len(part) == 0 for part in parts)
+        left_out[f"walls shorter than {least_length:g} m"] = int((~kept).sum())
+        heights = np.array([math.nan if o.height is None else o.height for o in whole.outlines])
+        provenance = {"source": whole.source} if whole.source else {}
+        if whole.mended:
+            provenance["mended"] = "; ".join(f"{deed} {n}" for deed, n in whole.mended.items())
+        if whole.notes:
+            provenance["notes"] = "; ".join(whole.notes)
+        left_out = {reason: count for reason, count in left_out.items() if count}
+        return cls(facades, polygons, heights, uncertainty, whole.frame, whole.attribution, provenance, left_out)
+
+    def __len__(self) -> int:
+        return len(self.facades)
+
+    @property
+    def extent(self) -> tuple[float, float, float, float]:
+        """Lowest x, highest x, lowest y and highest y of all buildings, m."""
+        x0, y0, x1, y1 = shapely.total_bounds(np.array(self.outlines, dtype=object))
+        return float(x0), float(x1), float(y0), float(y1)
+
+    def bounds(self, origin: npt.ArrayLike = (0.0, 0.0)) -> FacadeBounds:
+        """Sound bounds of all facades about an origin (x, y), m; see :meth:`FacadeBounds.of`."""
+        return FacadeBounds.of(self.facades, origin)
+
+    def within(self, center: npt.ArrayLike, reach: float) -> npt.NDArray[np.int64]:
+        """Facades that may be within reach of a point, whatever errors the map has, in ascending order.
+
+        Parameters
+        ----------
+        center : (2,) array_like
+            Point, m.
+        reach : float
+            Distance, m; add the radius of a region to ask for the region.
+        """
+        # No point of a wall is off by more than both errors along both axes.
+        errors = math.sqrt(2.0) * (self.facades.shifts + self.facades.vertex_errors)
+        point = shapely.Point(np.asarray(center, np.float64))
+        rows = self._tree.query(point, predicate="dwithin", distance=reach + float(errors.max(initial=0.0)))
+        rows = rows[shapely.distance(self._lines[rows], point) <= reach + errors[rows]]
+        return np.sort(rows).astype(np.int64)
+
+    def moved(self, origin: npt.ArrayLike) -> FacadeMap:
+        """The same map with its origin at another point (x, y) of the present frame, m; its earthly frame is lost.
+
+        Local frames touch the earth at their origin; convert outlines about the new origin to keep one.
+        """
+        start = np.asarray(origin, np.float64)
+        if start.shape != (2,) or not np.isfinite(start).all():
+            raise MapError(f"facade map: origin {start.tolist()}; give a point (x, y), m")
+        f = self.facades
+        facades = Facades(f.segments - start, f.buildings, f.shifts, f.vertex_errors)
+        outlines = tuple(shapely.transform(np.array(self.outlines, dtype=object), lambda xy: xy - start))
+        return replace(self, facades=facades, outlines=outlines, frame=None)
+
+    @cached_property
+    def _lines(self) -> npt.NDArray[np.object_]:
+        return np.asarray(shapely.linestrings(self.facades.segments))
+
+    @cached_property
+    def _tree(self) -> shapely.STRtree:
+        return shapely.STRtree(self._lines)
