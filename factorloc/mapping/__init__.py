@@ -14,6 +14,7 @@ from factorloc.mapping.end_point import EndPointModel
 from factorloc.mapping.evidence import RateEvidence, ReflectionEvidence
 from factorloc.mapping.facade_bounds import FacadeBounds
 from factorloc.mapping.facade_map import FacadeMap, MapUncertainty
+from factorloc.mapping.facade_visibility import SightLines
 from factorloc.mapping.facades import Facades
 from factorloc.mapping.fading_counts import FadingCounts
 from factorloc.mapping.georeference import Georeference
@@ -77,6 +78,7 @@ __all__ = [
     "ReflectionMap",
     "ReflectionPosterior",
     "SensorModel",
+    "SightLines",
     "SpatialPyramid",
     "estimate_beta_prior",
     "estimate_prior",

@@ -12,8 +12,17 @@ import numpy.typing as npt
 import shapely
 
 from factorloc.errors import MapError
+from factorloc.intervals import Box
 from factorloc.mapping.building_outlines import BuildingOutlines
 from factorloc.mapping.facade_bounds import FacadeBounds
+from factorloc.mapping.facade_visibility import (
+    SightLines,
+    certain_cores,
+    faces_region,
+    hidden_from_region,
+    outline_edges,
+    shares_seen,
+)
 from factorloc.mapping.facades import Facades
 from factorloc.mapping.local_frame import LocalFrame
 from factorloc.mapping.outer_walls import exposed_parts, straight_walls
@@ -199,6 +208,48 @@ class FacadeMap:
         rows = rows[shapely.distance(self._lines[rows], point) <= reach + errors[rows]]
         return np.sort(rows).astype(np.int64)
 
+    def seen_from(self, position: npt.ArrayLike) -> Array:
+        """Share of each facade that is seen from a point (x, y), m, if the map is as drawn; (F,).
+
+        Nothing follows from it for the truth: a guarantee needs :meth:`may_be_seen`.
+        """
+        return shares_seen(position, self.facades, self._edges)
+
+    def may_be_seen(
+        self, region: Box, reach: float = math.inf, sight: SightLines | None = None
+    ) -> npt.NDArray[np.int64]:
+        """Facades that may be seen from somewhere in a region, in ascending order.
+
+        Only what is certain is left out, whatever errors the map has within the declared ones: walls out of reach,
+        walls that turn their back to all of the region, and walls hidden wholly by what surely is inside of buildings.
+        That takes the buildings of the map for granted: one that was pulled down hides nothing.
+
+        Parameters
+        ----------
+        region : Box, sides (x, y)
+            Where the sensor may be, m; a single bounded box.
+        reach : float
+            Range of the sensor, m.
+        sight : SightLines, optional
+            How high the sensor is and how steeply it looks up.
+
+        Raises
+        ------
+        MapError
+            If the region is empty or not bounded.
+        """
+        if region.bounds.shape != (2,) or not region.bounds.is_bounded.all():
+            raise MapError("facade map: the region is no single bounded box (x, y); give one around the sensor")
+        center = region.mid
+        half = float(np.hypot(*(0.5 * region.width)))
+        rows = np.arange(len(self)) if math.isinf(reach) else self.within(center, reach + half)
+        facades = self.facades.select(rows)
+        front = faces_region(FacadeBounds.of(facades, center), Box(region.bounds - center))
+        rows, facades = rows[front], facades.select(front)
+        cores, owners = self._cores
+        reaches = (sight or SightLines()).blocked_up_to(self.heights[owners])
+        return np.asarray(rows[~hidden_from_region(facades, region, cores, reaches)], np.int64)
+
     def moved(self, origin: npt.ArrayLike) -> FacadeMap:
         """The same map with its origin at another point (x, y) of the present frame, m; its earthly frame is lost.
 
@@ -211,6 +262,16 @@ class FacadeMap:
         facades = Facades(f.segments - start, f.buildings, f.shifts, f.vertex_errors)
         outlines = tuple(shapely.transform(np.array(self.outlines, dtype=object), lambda xy: xy - start))
         return replace(self, facades=facades, outlines=outlines, frame=None)
+
+    @cached_property
+    def _edges(self) -> Array:
+        return outline_edges(self.outlines)
+
+    @cached_property
+    def _cores(self) -> tuple[list[Array], npt.NDArray[np.int64]]:
+        errors = np.full(len(self.outlines), np.nan)
+        np.fmax.at(errors, self.facades.buildings, self.facades.shifts + self.facades.vertex_errors)
+        return certain_cores(self.outlines, errors)
 
     @cached_property
     def _lines(self) -> npt.NDArray[np.object_]:
