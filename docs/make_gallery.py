@@ -6,9 +6,7 @@ The same pictures every time: worlds, drives and noise follow from the seeds bel
 from __future__ import annotations
 
 import argparse
-import json
 import logging
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,6 +17,7 @@ import trimesh
 from PIL import Image
 
 from factorloc.files import atomic_path
+from factorloc.mapping import BuildingOutlines, Outline
 from factorloc.simulation import (
     FloorPlan,
     FurnitureSettings,
@@ -30,12 +29,12 @@ from factorloc.simulation import (
     SpatialLidar,
     Town,
     TownSettings,
+    extrude,
     hdl_32e,
     hdl_64e,
     office_plan,
     office_routes,
     os_128,
-    read_footprints,
     simulate_drive,
     street_route,
     street_world,
@@ -111,23 +110,9 @@ def barrels(number: int) -> Figure:
 
 
 def footprints() -> Figure:
-    """Scans of 128 beams around a square that is extruded from GeoJSON."""
-    metre = 1 / 111_320  # degrees, at the equator
-    features = [
-        {
-            "type": "Feature",
-            "properties": {"name": name, "height": height},
-            "geometry": {
-                "type": "Polygon",
-                "coordinates": [[[metre * x, metre * y] for x, y in (*corners, corners[0])]],
-            },
-        }
-        for name, height, corners in _SQUARE
-    ]
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder, "square.geojson")
-        path.write_text(json.dumps({"type": "FeatureCollection", "features": features}), encoding="utf-8")
-        world = read_footprints(path, origin=(0.0, 0.0)).scene().world
+    """Scans of 128 beams around a square that is extruded from outlines."""
+    outlines = tuple(Outline(shapely.Polygon(corners), height, name) for name, height, corners in _SQUARE)
+    world = extrude(BuildingOutlines(outlines)).world
     corners = ((-14.0, -14.0), (16.0, -14.0), (16.0, 14.0), (-13.0, 14.0), (-13.0, -12.0))
     route = Route(corners, radius=4.0, speed=5.0, body_radius=1.0)
     return _driven(world, route, limits=(-46, 46, -42, 40), heights=(0, 18))

@@ -1,9 +1,10 @@
-"""Recordings: readers that turn files into drives, and the registry of known files.
+"""Recordings and building maps: readers that turn files into drives and outlines, and the registry of known files.
 
 A :class:`Drive` holds scans, the odometry between them and, where there is one, the truth; the two never mix. Every
 reader counts what it used, passed over and found damaged (:class:`ReadReport`).
 """
 
+from factorloc.datasets.buildings import BUILDING_READERS, BuildingReader, read_buildings
 from factorloc.datasets.carmen import CarmenReader, read_carmen
 from factorloc.datasets.drive import Drive
 from factorloc.datasets.kitti_odometry import KittiOdometryReader, read_kitti_odometry
@@ -15,8 +16,10 @@ from factorloc.datasets.relations import Relations, read_relations
 from factorloc.datasets.report import Damage, ReadReport
 
 __all__ = [
+    "BUILDING_READERS",
     "KNOWN_FILES",
     "READERS",
+    "BuildingReader",
     "CarmenReader",
     "Damage",
     "Drive",
@@ -32,6 +35,7 @@ __all__ = [
     "match_scans",
     "open_drive",
     "pair_raw_with_corrected",
+    "read_buildings",
     "read_carmen",
     "read_kitti_odometry",
     "read_kitti_raw",

@@ -16,8 +16,8 @@ In space, a :class:`MeshWorld` holds opaque :class:`Solid` and semi-transparent 
 
 from factorloc.simulation.carmen_export import write_carmen
 from factorloc.simulation.drive import SimulatedDrive, simulate_drive
+from factorloc.simulation.extrusion import extrude
 from factorloc.simulation.floor_plan import FloorPlan, Foliage, Pane
-from factorloc.simulation.footprints import read_footprints
 from factorloc.simulation.furnishing import FurnitureSettings
 from factorloc.simulation.gnss import Gnss, GnssFixes
 from factorloc.simulation.kitti_export import write_kitti
@@ -73,13 +73,13 @@ __all__ = [
     "World",
     "cache_key",
     "cached",
+    "extrude",
     "hdl_32e",
     "hdl_64e",
     "integrate_odometry",
     "office_plan",
     "office_routes",
     "os_128",
-    "read_footprints",
     "simulate_drive",
     "street_route",
     "street_scene",

@@ -6,6 +6,7 @@ does both in one call. No window is opened and no global state of matplotlib is 
 
 from factorloc.viewer.cost_plot import plot_cost_history
 from factorloc.viewer.error_plot import TimedErrors, plot_errors_over_time
+from factorloc.viewer.facade_plot import draw_facade_map, plot_facade_map
 from factorloc.viewer.figure_file import FIGURE_KINDS, save_figure
 from factorloc.viewer.map_plots import plot_error_coloured_path, plot_map_and_trajectories
 from factorloc.viewer.scan_plot import View, plot_scan
@@ -17,9 +18,11 @@ __all__ = [
     "TimedErrors",
     "View",
     "Viewer",
+    "draw_facade_map",
     "plot_cost_history",
     "plot_error_coloured_path",
     "plot_errors_over_time",
+    "plot_facade_map",
     "plot_map_and_trajectories",
     "plot_scan",
     "save_figure",
