@@ -67,7 +67,7 @@ def read_citygml(path: Path | str) -> BuildingFeatures:
     root = ""
     try:
         events = etree.iterparse(
-            str(path), ("end",), [*kinds, _GML + "Envelope"],
+            str(path), ("end",), tag=[*kinds, _GML + "Envelope"],
             resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False, remove_comments=True,
         )  # fmt: skip
         for _, element in events:

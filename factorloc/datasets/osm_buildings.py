@@ -23,7 +23,7 @@ MAX_PBF_BYTES = 2**30
 """A PBF file may unfold to this many bytes: some hundred million nodes."""
 
 _MAX_BLOB = 32 * 2**20  # of the format: what a block may unfold to
-_NO_WALLS = frozenset({"no", "roof", "carport", "canopy"})
+_NO_WALLS = frozenset({"roof", "carport", "canopy"})
 
 
 class OsmBuildings:
@@ -69,7 +69,10 @@ def read_osm_buildings(path: Path | str) -> BuildingFeatures:
     try:
         for thing in osmium.FileProcessor(str(path)).with_areas(tagged).with_filter(tagged):
             tags = dict(thing.tags)
-            if not _is_seen(tags):
+            kinds = {tags.get(key, "no") for key in ("building", "building:part")} - {"no"}
+            if not kinds:
+                continue
+            if kinds <= _NO_WALLS or _is_underground(tags):
                 found.left_out["roofs and what is underground"] += int(not thing.is_area())
             elif thing.is_area():
                 assembled.add((thing.from_way(), thing.orig_id()))
@@ -78,7 +81,7 @@ def read_osm_buildings(path: Path | str) -> BuildingFeatures:
                 found.left_out["buildings that are points"] += 1
             elif thing.is_way() or tags.get("type") in ("multipolygon", "boundary"):
                 drawn.add((thing.is_way(), thing.id))
-    except (RuntimeError, OSError, ValueError) as error:
+    except (RuntimeError, OSError, ValueError, osmium.InvalidLocationError) as error:
         reason = " ".join(str(error).split())[:160]
         raise DataError(f"{path}: damaged, or no OpenStreetMap file ({reason}); fetch it again") from error
     if cut := len(drawn - assembled):
@@ -86,9 +89,8 @@ def read_osm_buildings(path: Path | str) -> BuildingFeatures:
     return found
 
 
-def _is_seen(tags: dict[str, str]) -> bool:
-    kinds = {tags[key] for key in ("building", "building:part") if key in tags}
-    return not kinds <= _NO_WALLS and tags.get("location") != "underground" and tags.get("layer", "0")[:1] != "-"
+def _is_underground(tags: dict[str, str]) -> bool:
+    return tags.get("location") == "underground" or tags.get("layer", "0").startswith("-")
 
 
 def _is_part(tags: dict[str, str]) -> bool:
@@ -160,7 +162,8 @@ def _field(message: bytes, wanted: int) -> int:
             if key >> 3 == wanted:
                 return value
         elif key & 7 == 2:
-            at += number()
+            length = number()
+            at += length
         else:
             break
     return 0

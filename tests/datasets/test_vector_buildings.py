@@ -143,7 +143,7 @@ def test_other_faults_are_named(tmp_path: Path) -> None:
         read_buildings(tmp_path / "none.geojson")
     with pytest.raises(DataError, match="unknown"):
         read_buildings(write(tmp_path, [feature(square())]), crs="EPSG:99999")
-    with pytest.raises(DataError, match="no known format.*GeoPackage"):
+    with pytest.raises(DataError, match=r"no known format.*GeoPackage"):
         read_buildings(tmp_path / "houses.dwg")
     fake = tmp_path / "houses.gpkg"
     fake.write_bytes(b"SQLite format 3\0" + bytes(2000))
@@ -151,7 +151,7 @@ def test_other_faults_are_named(tmp_path: Path) -> None:
         read_buildings(fake)
     disguised = tmp_path / "other.gpkg"
     disguised.write_bytes(write(tmp_path, [feature(square())]).read_bytes())
-    with pytest.raises(DataError, match="other.gpkg"):
+    with pytest.raises(DataError, match=r"other\.gpkg"):
         read_buildings(disguised)
 
 
@@ -186,7 +186,7 @@ def test_swapped_axes_are_told_by_right_angles(tmp_path: Path) -> None:
     for row in rows:
         row["geometry"]["coordinates"] = [[[lat, lon] for lon, lat in ring] for ring in row["geometry"]["coordinates"]]
     path = write(tmp_path, rows)
-    with pytest.raises(DataError, match="no right angles.*--swap-axes"):
+    with pytest.raises(DataError, match=r"no right angles.*--swap-axes"):
         read_buildings(path)
     swapped = read_buildings(path, swap_axes=True)
     assert swapped.frame is not None
