@@ -9,6 +9,7 @@ from factorloc.factors.adaptors import hessian_factors, square_root_factor
 from factorloc.factors.distance_field import DistanceFieldTerm
 from factorloc.factors.end_point_levels import EndPointLevels
 from factorloc.factors.end_point_term import EndPointTerm, SpatialEndPointTerm
+from factorloc.factors.facades import FacadeLineFactor, FacadePointFactor
 from factorloc.factors.grid_scan_term import DecayRateTerm, PosteriorTerm
 from factorloc.factors.level_tables import LevelTables
 from factorloc.factors.odometry import OdometryNoise, odometry_factors
@@ -26,6 +27,8 @@ __all__ = [
     "EndPointLevels",
     "EndPointTerm",
     "JointCompatibility",
+    "FacadeLineFactor",
+    "FacadePointFactor",
     "LevelTables",
     "MaxMixture",
     "NearestNeighbour",

@@ -1,0 +1,323 @@
+"""Feasible sets: headings and positions that all but a few of some correspondences allow.
+
+For a slice of headings ``theta``, a correspondence with the line ``(alpha_l, d_l)`` about the anchor q of the scan and
+the facade ``(alpha, d_m)`` about its centre c says
+
+    alpha = alpha_l + theta,    n(alpha) . (t + R(theta) q - c) = d_m - d_l,
+
+a strip of positions t: heading and strip belong together. Across it, along the wall, the median of the supporters lies
+between the ends of the row of walls in line with the facade: a second strip. The ends of the facade itself would be too
+tight, as supporters are of its neighbours too, and so would be the first and the last supporter.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field
+from scipy import ndimage
+
+from factorloc.config import Block
+from factorloc.intervals import Interval
+from factorloc.localization._facade_kernels import count_satisfied
+from factorloc.localization.correspondences import Correspondence
+from factorloc.localization.wall_lines import WallLines
+from factorloc.result import Bounds
+
+__all__ = ["FeasibleSet", "FeasibleSettings", "intersect_correspondences"]
+
+Array = npt.NDArray[np.float64]
+
+_SLACK = 1e-9  # m; far above the rounding of a hundred operations on kilometres
+_ACROSS = 0.3  # least sine of the angle between two walls that bound a position together
+_NEIGHBOURS = np.ones((3, 3))
+
+
+class FeasibleSettings(Block):
+    """How correspondences are intersected.
+
+    Parameters
+    ----------
+    relaxed : float
+        Part of the correspondences that may be false, rounded down. The smallest number that leaves a pose is *not*
+        sound, and not on offer.
+    orthogonal : {"chain", "none"}
+        Second strip of each: along the wall, by the whole row of walls in line with it, or not at all. The facade alone
+        would be too tight: supporters are of its neighbours too.
+    slice : float
+        Width of a slice of headings, rad.
+    cells : int
+        Cells along the longer side of the positions that were possible.
+    """
+
+    relaxed: float = Field(1.0 / 3.0, ge=0, lt=1)
+    orthogonal: Literal["chain", "none"] = "chain"
+    slice: float = Field(math.radians(0.25), gt=0)
+    cells: int = Field(48, ge=4, le=512)
+
+
+@dataclass(frozen=True, eq=False)
+class FeasibleSet:
+    """What correspondences leave.
+
+    Parameters
+    ----------
+    bounds : Bounds
+        Orientation interval and convex polygons; without polygons, if the assumptions are violated.
+    conflicts : tuple of int
+        Facades whose correspondences fail where most hold.
+    correspondences, allowed, failed : int
+        How many there were, how many may be false, and how many are at best.
+    """
+
+    bounds: Bounds
+    conflicts: tuple[int, ...]
+    correspondences: int
+    allowed: int
+    failed: int
+
+    @property
+    def violated(self) -> bool:
+        """Whether no pose satisfies enough correspondences: assumptions are violated."""
+        return not self.bounds.polygons
+
+
+def intersect_correspondences(
+    found: tuple[Correspondence, ...], walls: WallLines, start: Bounds, settings: FeasibleSettings | None = None
+) -> FeasibleSet:
+    """Intersect correspondences over slices of headings and cells of positions, all but some of them.
+
+    A pose is kept if at least ``n - floor(relaxed n)`` of n correspondences may hold there; cells are kept whole, and
+    the convex hull of every set of positions that hang together becomes a polygon. If that many correspondences are
+    right (line in the hull, facade the right one), and the true pose was in the start, it is in the result.
+
+    Walls of one building share its shift. Two that meet at an angle therefore also bound the position by a box: that of
+    the parallelogram which they leave without the shift, plus the shift along each axis.
+
+    Parameters
+    ----------
+    found : tuple of Correspondence
+        Of one scan.
+    walls : WallLines
+        The map.
+    start : Bounds
+        Where the body may be; not empty.
+    settings : FeasibleSettings, optional
+        See there.
+    """
+    settings = settings or FeasibleSettings()
+    allowed = math.floor(settings.relaxed * len(found) + 1e-9)
+    if not found:
+        return FeasibleSet(start, (), 0, 0, 0)
+    corners = np.concatenate([polygon for polygon in start.polygons if len(polygon)])
+    middle = 0.5 * (corners.min(0) + corners.max(0))
+    facades = np.array([one.facade for one in found])
+    strongest = int(facades[np.argmax([one.votes for one in found])])
+    frame = _Frame(middle, walls.along[strongest])
+    local = frame.into(corners)
+    low, high = local.min(0) - _SLACK, local.max(0) + _SLACK
+    step = float((high - low).max()) / settings.cells
+    shape = np.maximum(np.ceil((high - low) / step).astype(np.int64), 1)
+    slices = max(math.ceil((start.orientation[1] - start.orientation[0]) / settings.slice), 1)
+    edges = np.linspace(start.orientation[0], start.orientation[1], slices + 1)
+    strips = _Strips(found, walls, frame, edges, float(np.hypot(*(0.5 * (high - low)))))
+    across = strips.along_walls(walls, settings.orthogonal == "chain")
+    pairs, boxes = strips.of_buildings(walls)
+    counts = np.empty((slices, shape[1], shape[0]), np.int32)
+    room = np.empty(len(found), np.int64), np.empty(len(found), np.int64), np.empty(shape[0] + 1, np.int32)
+    whole = strips.widened(strips.shift)
+    count_satisfied(whole, across, boxes, pairs, low[0], low[1], step, *room, counts)
+    counts[:, ~_cells_of(start, frame, low, step, shape)] = -1
+    best = int(counts.max())
+    failed = len(found) - max(best, 0)
+    conflicts = () if failed == 0 else _conflicts(counts, whole, across, low, step, facades)
+    kept = counts >= len(found) - allowed
+    if not kept.any():
+        return FeasibleSet(Bounds(start.orientation, ()), conflicts, len(found), allowed, failed)
+    turns = np.flatnonzero(kept.any((1, 2)))
+    orientation = float(edges[turns[0]]), float(edges[turns[-1] + 1])
+    polygons = _polygons(kept, frame, low, step)
+    return FeasibleSet(Bounds(orientation, polygons), conflicts, len(found), allowed, failed)
+
+
+@dataclass(frozen=True)
+class _Frame:
+    """Positions about a middle, with x along a wall: most strips are level or upright there, and so are the cells."""
+
+    middle: Array
+    axis: Array
+
+    def into(self, points: Array) -> Array:
+        away = points - self.middle
+        x, y = self.axis
+        return np.stack([away[..., 0] * x + away[..., 1] * y, away[..., 1] * x - away[..., 0] * y], -1)
+
+    def turn(self, vectors: Array) -> Array:
+        x, y = self.axis
+        return np.stack([vectors[..., 0] * x + vectors[..., 1] * y, vectors[..., 1] * x - vectors[..., 0] * y], -1)
+
+    def out(self, points: Array) -> Array:
+        x, y = self.axis
+        back = np.stack([points[..., 0] * x - points[..., 1] * y, points[..., 0] * y + points[..., 1] * x], -1)
+        return np.asarray(back + self.middle)
+
+
+class _Strips:
+    """Strips of all slices and correspondences, shape (J, K, 4): a, b, low, high; crossed limits where none is left."""
+
+    def __init__(
+        self, found: tuple[Correspondence, ...], walls: WallLines, frame: _Frame, edges: Array, radius: float
+    ) -> None:
+        self.found, self.frame = found, frame
+        self.facades = np.array([one.facade for one in found])
+        rows = self.facades
+        low, high = edges[:-1, None], edges[1:, None]
+        local = _stacked([one.alpha for one in found])
+        # alpha of the map, narrowed to what line and heading leave, in the turn of the map's direction.
+        alpha = walls.alpha[rows]
+        sum_lo, sum_hi = low + local.lo, high + local.hi
+        turns = np.round((0.5 * (sum_lo + sum_hi) - alpha.mid) / (2 * math.pi)) * 2 * math.pi
+        lo, hi = np.maximum(alpha.lo, sum_lo - turns - _SLACK), np.minimum(alpha.hi, sum_hi - turns + _SLACK)
+        self.possible = lo <= hi
+        direction, rho = 0.5 * (lo + hi), np.maximum(0.5 * (hi - lo), 0.0) + _SLACK
+        self.normal = np.stack([np.cos(direction), np.sin(direction)], -1)
+        self.tangent = np.stack([-self.normal[..., 1], self.normal[..., 0]], -1)
+        heading, self.half = 0.5 * (low + high), 0.5 * float((high - low).max()) + 1e-12
+        anchors = np.stack([one.anchor for one in found])
+        c, s = np.cos(heading), np.sin(heading)
+        turned = np.stack([c * anchors[:, 0] - s * anchors[:, 1], s * anchors[:, 0] + c * anchors[:, 1]], -1)
+        self.away = walls.centres[rows] - frame.middle - turned  # where t would be, had w vanished
+        lever = np.hypot(*anchors.T)
+        bend = 0.5 * lever * self.half**2
+        side = np.abs((self.tangent * turned).sum(-1)) * self.half + bend
+        ahead = np.abs((self.normal * turned).sum(-1)) * self.half + bend
+        reach = radius + np.hypot(self.away[..., 0], self.away[..., 1]) + lever * self.half
+        d = _stacked([one.d for one in found])
+        middle = (self.normal * self.away).sum(-1)
+        swing = rho * reach + _SLACK
+        vertex = walls.vertex_d[rows]
+        self.low = middle - vertex - d.hi - side - swing
+        self.high = middle + vertex - d.lo + side + swing
+        self.shift = walls.shift_d[rows]
+        self.slack_along = ahead + swing
+
+    def widened(self, by: Array) -> Array:
+        low, high = np.where(self.possible, self.low - by, 1.0), np.where(self.possible, self.high + by, 0.0)
+        return np.ascontiguousarray(np.concatenate([self.frame.turn(self.normal), low[..., None], high[..., None]], -1))
+
+    def along_walls(self, walls: WallLines, by_chain: bool) -> Array:
+        """Strips along the walls: the median supporter is on the row of walls in line with the facade."""
+        low, high = np.full(self.low.shape, -np.inf), np.full(self.low.shape, np.inf)
+        if by_chain:
+            rows = self.facades
+            # The tangent, a quarter turn left of the normal, points from the start of a facade to its end.
+            begin, end = walls.chains[rows, 0], walls.chains[rows, 1]
+            error = walls.facades.shifts[rows] + walls.facades.vertex_errors[rows]
+            reached = np.array([one.reached for one in self.found])
+            middle = (self.tangent * self.away).sum(-1)
+            slack = self.slack_along + error * np.abs(self.tangent).sum(-1)
+            low, high = middle + begin - reached - slack, middle + end - reached + slack
+        return np.ascontiguousarray(
+            np.concatenate([self.frame.turn(self.tangent), low[..., None], high[..., None]], -1)
+        )
+
+    def of_buildings(self, walls: WallLines) -> tuple[npt.NDArray[np.int64], Array]:
+        """Pairs of walls of a building that meet at an angle, and the box that each leaves, as two strips."""
+        pairs = _pairs(walls, self.facades)
+        slices = len(self.low)
+        boxes = np.empty((slices, len(pairs), 2, 4))
+        for p, (i, j) in enumerate(pairs):
+            n, m = self.normal[:, i], self.normal[:, j]
+            cross = n[:, 0] * m[:, 1] - n[:, 1] * m[:, 0]
+            corners = [
+                np.stack([(e * m[:, 1] - f * n[:, 1]) / cross, (f * n[:, 0] - e * m[:, 0]) / cross], -1)
+                for e in (self.low[:, i], self.high[:, i])
+                for f in (self.low[:, j], self.high[:, j])
+            ]
+            shift = float(walls.facades.shifts[self.facades[i]])
+            low, high = np.min(corners, 0) - shift - _SLACK, np.max(corners, 0) + shift + _SLACK
+            for axis in range(2):
+                unit = self.frame.turn(np.eye(2)[axis])
+                boxes[:, p, axis, :2], boxes[:, p, axis, 2], boxes[:, p, axis, 3] = unit, low[:, axis], high[:, axis]
+        return pairs, boxes
+
+
+def _stacked(intervals: list[Interval]) -> Interval:
+    return Interval(np.array([float(one.lo) for one in intervals]), np.array([float(one.hi) for one in intervals]))
+
+
+def _pairs(walls: WallLines, facades: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    buildings = walls.facades.buildings[facades]
+    normals = walls.normals[facades]
+    free, pairs = set(range(len(facades))), []
+    for i in range(len(facades)):
+        if i not in free:
+            continue
+        for j in range(i + 1, len(facades)):
+            cross = normals[i, 0] * normals[j, 1] - normals[i, 1] * normals[j, 0]
+            if j in free and buildings[i] == buildings[j] and abs(cross) > _ACROSS:
+                pairs.append((i, j))
+                free -= {i, j}
+                break
+    return np.array(pairs, np.int64).reshape(-1, 2)
+
+
+def _cells_of(
+    start: Bounds, frame: _Frame, low: Array, step: float, shape: npt.NDArray[np.int64]
+) -> npt.NDArray[np.bool_]:
+    """Cells that meet a polygon of the start, shape (Y, X)."""
+    x, y = (low[axis] + step * (np.arange(shape[axis]) + 0.5) for axis in range(2))
+    met = np.zeros((shape[1], shape[0]), np.bool_)
+    for polygon in start.polygons:
+        if not len(polygon):
+            continue
+        corners = frame.into(polygon)
+        inside = np.ones_like(met)
+        for begin, end in zip(corners, np.roll(corners, -1, 0), strict=True):
+            a, b = end[1] - begin[1], begin[0] - end[0]
+            limit = a * begin[0] + b * begin[1] + (0.5 * step + _SLACK) * (abs(a) + abs(b)) + _SLACK
+            inside &= a * x[None, :] + b * y[:, None] <= limit
+        met |= inside
+    return met
+
+
+def _conflicts(
+    counts: npt.NDArray[np.int32], strips: Array, across: Array, low: Array, step: float,
+    facades: npt.NDArray[np.int64],
+) -> tuple[int, ...]:  # fmt: skip
+    """Facades whose strips do not meet the best cell."""
+    j, y, x = np.unravel_index(int(np.argmax(counts)), counts.shape)
+    centre = low + step * (np.array([x, y]) + 0.5)
+    fails = np.zeros(len(facades), np.bool_)
+    for limits in (strips[j], across[j]):
+        value = limits[:, :2] @ centre
+        radius = 0.5 * step * np.abs(limits[:, :2]).sum(1)
+        fails |= (limits[:, 2] > limits[:, 3]) | (value - radius > limits[:, 3]) | (value + radius < limits[:, 2])
+    return tuple(int(facade) for facade in facades[fails])
+
+
+def _outermost(cells: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
+    """First and last cell of every row."""
+    rows = np.flatnonzero(cells.any(1))
+    first, last = cells[rows].argmax(1), cells.shape[1] - 1 - cells[rows, ::-1].argmax(1)
+    return np.concatenate([np.stack([rows, first], -1), np.stack([rows, last], -1)])
+
+
+def _polygons(kept: npt.NDArray[np.bool_], frame: _Frame, low: Array, step: float) -> tuple[Array, ...]:
+    from scipy.spatial import ConvexHull
+
+    labels, number = ndimage.label(kept.any(0), _NEIGHBOURS)
+    polygons = []
+    for one in range(1, number + 1):
+        cells = _outermost(labels == one)
+        corners = np.concatenate([cells[:, ::-1] + np.array(at) for at in ((0, 0), (0, 1), (1, 0), (1, 1))])
+        hull = corners[ConvexHull(corners).vertices] * step + low
+        centre = hull.mean(0)
+        # Rounding moves corners by less than the slack; the frame keeps the order.
+        outward = hull + _SLACK * np.sign(hull - centre)
+        polygons.append(frame.out(outward))
+    return tuple(polygons)

@@ -1,0 +1,313 @@
+"""Interval tracking: feasible sets carried along by odometry with bounded errors, and intersected scan by scan."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field
+
+from factorloc.config import Block
+from factorloc.errors import GeometryError
+from factorloc.factors.prior import PosePrior
+from factorloc.geometry import se2
+from factorloc.intervals import Interval, rotate
+from factorloc.localization.bounded_least_squares import BoundedEstimate, LeastSquaresSettings, estimate_in_bounds
+from factorloc.localization.correspondences import Correspondences, CorrespondenceSettings, find_correspondences
+from factorloc.localization.feasible_set import FeasibleSet, FeasibleSettings, intersect_correspondences
+from factorloc.localization.wall_lines import WallLines
+from factorloc.mapping.facade_points import FacadePoints
+from factorloc.result import Bounds, Result, StopReason
+from factorloc.trajectory import Trajectory
+
+__all__ = [
+    "FacadeSettings",
+    "FacadeStep",
+    "FacadeTrack",
+    "OdometryBounds",
+    "localize_scan",
+    "propagate",
+    "track_facades",
+]
+
+Array = npt.NDArray[np.float64]
+
+
+class OdometryBounds(Block):
+    """Greatest errors of a measured motion of the body between two scans.
+
+    Parameters
+    ----------
+    along_per_metre, across_per_metre : float
+        Along and across the body, part of the way.
+    turn_per_metre, turn_per_turn : float
+        Of the turn: rad/m and rad/rad.
+    least_length, least_turn : float
+        What is added to each, m and rad.
+    """
+
+    along_per_metre: float = Field(0.02, ge=0)
+    across_per_metre: float = Field(0.01, ge=0)
+    turn_per_metre: float = Field(0.001, ge=0)
+    turn_per_turn: float = Field(0.02, ge=0)
+    least_length: float = Field(0.005, ge=0)
+    least_turn: float = Field(0.0005, ge=0)
+
+    def errors(self, motion: npt.ArrayLike) -> Array:
+        """Greatest errors ``[along, across, turn]`` of a motion ``[x, y, theta]``."""
+        x, y, turn = np.asarray(motion, np.float64)
+        way = math.hypot(x, y)
+        return np.array([
+            self.along_per_metre * way + self.least_length,
+            self.across_per_metre * way + self.least_length,
+            self.turn_per_metre * way + self.turn_per_turn * abs(turn) + self.least_turn,
+        ])  # fmt: skip
+
+
+class FacadeSettings(Block):
+    """Everything a localization among facades may be told; the defaults run.
+
+    Parameters
+    ----------
+    correspondences : CorrespondenceSettings
+        Which lines are believed.
+    feasible : FeasibleSettings
+        How they are intersected.
+    least_squares : LeastSquaresSettings
+        What is likely within the bounds.
+    odometry : OdometryBounds
+        Greatest errors of motions.
+    margin_position, margin_heading : float
+        A tracked set is widened by so much before facades are associated (m, rad): lines at its border are to be seen
+        whole. The result is intersected with the set itself.
+    prior_position, prior_heading : float
+        Standard deviations of the last estimate carried along, m and rad; they hold what facades do not.
+    """
+
+    correspondences: CorrespondenceSettings = CorrespondenceSettings()
+    feasible: FeasibleSettings = FeasibleSettings()
+    least_squares: LeastSquaresSettings = LeastSquaresSettings()
+    odometry: OdometryBounds = OdometryBounds()
+    margin_position: float = Field(0.5, ge=0)
+    margin_heading: float = Field(math.radians(0.5), ge=0)
+    prior_position: float = Field(0.5, gt=0)
+    prior_heading: float = Field(math.radians(1.0), gt=0)
+
+
+@dataclass(frozen=True, eq=False)
+class FacadeStep:
+    """What one scan gave.
+
+    Parameters
+    ----------
+    correspondences : Correspondences
+        Lines and their facades.
+    feasible : FeasibleSet
+        What they leave of the start; empty where assumptions are violated.
+    estimate : BoundedEstimate or None
+        The most likely pose in it; None if it is empty.
+    """
+
+    correspondences: Correspondences
+    feasible: FeasibleSet
+    estimate: BoundedEstimate | None
+
+
+@dataclass(frozen=True, eq=False)
+class FacadeTrack:
+    """A tracked drive.
+
+    Parameters
+    ----------
+    result : Result
+        Poses with covariances and bounds. Where a scan violates the assumptions, its pose and its bounds are those
+        carried along by odometry.
+    steps : tuple of FacadeStep
+        One a scan.
+    """
+
+    result: Result
+    steps: tuple[FacadeStep, ...]
+
+    @property
+    def violated(self) -> npt.NDArray[np.bool_]:
+        """Scans that violate the assumptions, shape (N,)."""
+        return np.array([step.feasible.violated for step in self.steps], np.bool_)
+
+
+def localize_scan(
+    points: FacadePoints,
+    walls: WallLines,
+    start: Bounds,
+    guess: npt.ArrayLike | None = None,
+    *,
+    within: Bounds | None = None,
+    prior: PosePrior | None = None,
+    settings: FacadeSettings | None = None,
+) -> FacadeStep:
+    """Localize one scan among facades: feasible set, and the most likely pose in it.
+
+    Parameters
+    ----------
+    points : FacadePoints
+        The scan.
+    walls : WallLines
+        The map.
+    start : Bounds
+        Where the body may be when facades are associated.
+    guess : array_like, shape (3,), optional
+        Where the search for the most likely pose begins; the middle of the feasible set by default.
+    within : Bounds, optional
+        Where the body may be; the start by default.
+    prior : PosePrior, optional
+        What else is known.
+    settings : FacadeSettings, optional
+        All settings.
+    """
+    settings = settings or FacadeSettings()
+    correspondences = find_correspondences(points, walls, start, settings.correspondences)
+    feasible = intersect_correspondences(correspondences.found, walls, within or start, settings.feasible)
+    if feasible.violated:
+        return FacadeStep(correspondences, feasible, None)
+    begin = middle_of(feasible.bounds) if guess is None else np.asarray(guess, np.float64)
+    estimate = estimate_in_bounds(
+        points, correspondences, walls, begin, feasible.bounds,
+        conflicts=feasible.conflicts, prior=prior, settings=settings.least_squares,
+    )  # fmt: skip
+    return FacadeStep(correspondences, feasible, estimate)
+
+
+def middle_of(bounds: Bounds) -> Array:
+    """Pose in the middle of a feasible set: of its largest polygon, and of the headings."""
+    polygon = max(bounds.polygons, key=lambda corners: float(np.ptp(corners, axis=0).prod()))
+    return np.array([*polygon.mean(0), 0.5 * (bounds.orientation[0] + bounds.orientation[1])])
+
+
+def propagate(bounds: Bounds, motion: npt.ArrayLike, errors: npt.ArrayLike) -> Bounds:
+    """Carry a feasible set along by a motion with bounded errors.
+
+    Parameters
+    ----------
+    bounds : Bounds
+        Before.
+    motion : array_like, shape (3,)
+        ``T_before_after`` as measured.
+    errors : array_like, shape (3,)
+        Greatest errors of ``[x, y, theta]``.
+
+    Returns
+    -------
+    Bounds
+        Every pose of the set, moved by any of these motions, is in it.
+    """
+    (x, y, turn), (dx, dy, dturn) = np.asarray(motion, np.float64), np.asarray(errors, np.float64)
+    theta = Interval(*bounds.orientation)
+    way_x, way_y = rotate(theta, Interval.around(x, dx), Interval.around(y, dy))
+    low, high = np.array([way_x.lo, way_y.lo]), np.array([way_x.hi, way_y.hi])
+    after = theta + Interval.around(turn, dturn)
+    return Bounds((float(after.lo), float(after.hi)), tuple(_swept(polygon, low, high) for polygon in bounds.polygons))
+
+
+def widen(bounds: Bounds, position: float, heading: float) -> Bounds:
+    """Widen a feasible set by a square of half side ``position`` (m) and by ``heading`` (rad)."""
+    low, high = bounds.orientation
+    square = np.full(2, position)
+    return Bounds((low - heading, high + heading), tuple(_swept(one, -square, square) for one in bounds.polygons))
+
+
+def _swept(polygon: Array, low: Array, high: Array) -> Array:
+    """Minkowski sum of a convex polygon and a box, rounded outwards."""
+    from scipy.spatial import ConvexHull
+
+    slack = 1e-12 * (1.0 + float(np.abs(polygon).max()))
+    corners = np.array([[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]])
+    corners += slack * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    swept = (polygon[:, None] + corners).reshape(-1, 2)
+    return np.asarray(swept[ConvexHull(swept).vertices])
+
+
+def track_facades(
+    scans: Sequence[FacadePoints],
+    stamps: npt.ArrayLike,
+    motions: npt.ArrayLike,
+    walls: WallLines,
+    start: Bounds,
+    *,
+    guess: npt.ArrayLike | None = None,
+    settings: FacadeSettings | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> FacadeTrack:
+    """Track a drive among facades.
+
+    Parameters
+    ----------
+    scans : sequence of FacadePoints
+        N scans in order of driving.
+    stamps : array_like, shape (N,)
+        Their times, s.
+    motions : array_like, shape (N - 1, 3)
+        Motions ``T_before_after`` of the body between them, with errors below the settings' odometry bounds.
+    walls : WallLines
+        The map.
+    start : Bounds
+        Where the drive begins.
+    guess : array_like, shape (3,), optional
+        And where the search for the first pose does.
+    settings : FacadeSettings, optional
+        All settings.
+    progress : callable, optional
+        Called with the number of scans done.
+
+    Raises
+    ------
+    GeometryError
+        If there is no scan, or not one motion between each two.
+    """
+    settings, began = settings or FacadeSettings(), time.perf_counter()
+    count = len(scans)
+    moves = np.asarray(motions, np.float64).reshape(-1, 3)
+    if count == 0 or len(moves) != count - 1:
+        raise GeometryError(f"motions: {len(moves)} for {count} scans; give one between each two")
+    known, pose = start, None if guess is None else np.asarray(guess, np.float64)
+    covariance = np.diag([settings.prior_position**2] * 2 + [settings.prior_heading**2])
+    steps, poses, covariances, sets = [], [], [], []
+    for k, points in enumerate(scans):
+        prior = None
+        if k:
+            known = propagate(known, moves[k - 1], settings.odometry.errors(moves[k - 1]))
+            if pose is not None:
+                pose = se2.compose(pose, moves[k - 1])
+                prior = PosePrior(pose, covariance)
+        around = widen(known, settings.margin_position, settings.margin_heading) if k else known
+        step = localize_scan(points, walls, around, pose, within=known, prior=prior, settings=settings)
+        if step.estimate is not None:
+            known, pose = step.feasible.bounds, step.estimate.pose
+        pose = known.nearest(middle_of(known) if pose is None else pose)
+        steps.append(step)
+        poses.append(pose)
+        covariances.append(covariance if step.estimate is None else _limited(step.estimate.covariance))
+        sets.append(known)
+        if progress:
+            progress(k + 1)
+    violated = sum(step.feasible.violated for step in steps)
+    rejected = {"scans whose assumptions are violated": violated}
+    for step in steps:
+        for reason, number in step.correspondences.rejected.items():
+            name = f"facades {reason}"
+            rejected[name] = rejected.get(name, 0) + number
+    trajectory = Trajectory(np.asarray(stamps, np.float64), np.array(poses), np.array(covariances))
+    costs = np.array([0.0 if step.estimate is None else step.estimate.cost for step in steps])
+    result = Result(
+        trajectory, float(costs.sum()), (), StopReason.INTERSECTED, {"scan": costs}, rejected,
+        time.perf_counter() - began, tuple(sets),
+    )  # fmt: skip
+    return FacadeTrack(result, tuple(steps))
+
+
+def _limited(covariance: Array) -> Array:
+    """Covariances of poses that nothing determines are large, not infinite: formats and plots want numbers."""
+    return np.asarray(0.5 * (covariance + covariance.T))
