@@ -110,11 +110,17 @@ class FacadeStep:
         What they leave of the start; empty where assumptions are violated.
     estimate : BoundedEstimate or None
         The most likely pose in it; None if it is empty.
+    guess : ndarray, shape (3,), or None
+        Where the search for it began; None if the set is empty.
+    prior : PosePrior or None
+        What else was known.
     """
 
     correspondences: Correspondences
     feasible: FeasibleSet
     estimate: BoundedEstimate | None
+    guess: Array | None = None
+    prior: PosePrior | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,13 +178,13 @@ def localize_scan(
     correspondences = find_correspondences(points, walls, start, settings.correspondences)
     feasible = intersect_correspondences(correspondences.found, walls, within or start, settings.feasible)
     if feasible.violated:
-        return FacadeStep(correspondences, feasible, None)
+        return FacadeStep(correspondences, feasible, None, None, prior)
     begin = middle_of(feasible.bounds) if guess is None else np.asarray(guess, np.float64)
     estimate = estimate_in_bounds(
         points, correspondences, walls, begin, feasible.bounds,
         conflicts=feasible.conflicts, prior=prior, settings=settings.least_squares,
     )  # fmt: skip
-    return FacadeStep(correspondences, feasible, estimate)
+    return FacadeStep(correspondences, feasible, estimate, begin, prior)
 
 
 def middle_of(bounds: Bounds) -> Array:
@@ -238,6 +244,7 @@ def track_facades(
     start: Bounds,
     *,
     guess: npt.ArrayLike | None = None,
+    motion_errors: npt.ArrayLike | None = None,
     settings: FacadeSettings | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> FacadeTrack:
@@ -257,6 +264,8 @@ def track_facades(
         Where the drive begins.
     guess : array_like, shape (3,), optional
         And where the search for the first pose does.
+    motion_errors : array_like, shape (N - 1, 3), optional
+        Greatest errors of the motions, m and rad; those of the settings by default.
     settings : FacadeSettings, optional
         All settings.
     progress : callable, optional
@@ -272,13 +281,18 @@ def track_facades(
     moves = np.asarray(motions, np.float64).reshape(-1, 3)
     if count == 0 or len(moves) != count - 1:
         raise GeometryError(f"motions: {len(moves)} for {count} scans; give one between each two")
+    errors = np.reshape([settings.odometry.errors(move) for move in moves], (-1, 3))
+    if motion_errors is not None:
+        errors = np.asarray(motion_errors, np.float64)
+        if errors.shape != moves.shape:
+            raise GeometryError(f"motion_errors: shape {errors.shape}; expected {moves.shape}, as the motions")
     known, pose = start, None if guess is None else np.asarray(guess, np.float64)
     covariance = np.diag([settings.prior_position**2] * 2 + [settings.prior_heading**2])
     steps, poses, covariances, sets = [], [], [], []
     for k, points in enumerate(scans):
         prior = None
         if k:
-            known = propagate(known, moves[k - 1], settings.odometry.errors(moves[k - 1]))
+            known = propagate(known, moves[k - 1], errors[k - 1])
             if pose is not None:
                 pose = se2.compose(pose, moves[k - 1])
                 prior = PosePrior(pose, covariance)
