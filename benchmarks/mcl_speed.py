@@ -6,6 +6,9 @@ likelihood field with a k-d tree of the occupied cells (scipy's, vectorized, one
 look-ups, and the ray-cast models with plain loops of walks. Before anything is timed, all must have computed the same;
 the tree is asked at the centres of cells for that.
 
+In space the package lays out small maps in full, like the plain loop, and these are small. Larger ones stay in bricks:
+what that costs stands beside it, without a goal.
+
 Beams are counted that are weighed: rays with a return for the likelihood field, all rays for the others. The figures of
 beluga are from another machine. Absolute figures are bars, not goals; goals are ratios, the worst of all cases.
 """

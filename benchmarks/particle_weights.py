@@ -25,6 +25,8 @@ from factorloc.errors import MapError
 from factorloc.geometry import se2
 from factorloc.mapping import BrickStatistics
 from factorloc.mapping.beam_model import BeamModel
+from factorloc.mapping.cell_layout import CellLayout
+from factorloc.mapping.cell_table import CellTable
 from factorloc.mapping.decay_rate import DecayRateMap, DecayRatePosterior
 from factorloc.mapping.distance_transform import end_cells
 from factorloc.mapping.end_point import EndPointModel, finite_maximum
@@ -33,8 +35,8 @@ from factorloc.mapping.reflection import ReflectionPosterior
 from factorloc.rays import pack
 
 __all__ = [
-    "DECAY", "FIELD", "OWN", "PLAIN", "POSTERIOR", "REFLECTION", "TREE", "Weigher", "all_weighers", "check_agreement",
-    "own_label",
+    "BRICKS", "DECAY", "FIELD", "OWN", "PLAIN", "POSTERIOR", "REFLECTION", "TREE", "Weigher", "all_weighers",
+    "check_agreement", "own_label",
 ]  # fmt: skip
 
 Array = npt.NDArray[np.float64]
@@ -42,6 +44,8 @@ Array = npt.NDArray[np.float64]
 FIELD, DECAY = "likelihood field", "decay rates"
 POSTERIOR, REFLECTION = "decay-rate posterior", "reflection posterior"
 OWN, PLAIN, TREE = "factorloc, 1 thread", "plain numba", "cKDTree"
+BRICKS = "factorloc, in bricks"
+"""As larger maps are kept."""
 
 _SAME = 1e-6  # of a sum or the mean magnitude; a likelihood field has single precision
 _TIES = 2e-3  # of the particles: which cell a ray through a corner is in, rounding decides
@@ -104,7 +108,7 @@ def all_weighers(scene: Scene, floor: float, threads: int) -> list[Weigher]:
     statistics = scene.statistics
     decay = DecayRateMap.from_statistics(statistics, floor=floor)
     if isinstance(statistics, BrickStatistics):
-        return [*_own(DECAY, decay, threads), _plain_spatial(decay, statistics)]
+        return [*_own(DECAY, decay, threads), _in_bricks(decay), _plain_spatial(decay, statistics)]
     field = EndPointModel.from_statistics(statistics)
     models = {
         DECAY: (decay, plain_decay),
@@ -167,6 +171,18 @@ def _each_ray(kernel: Callable[..., None], grid: tuple[Any, ...]) -> Callable[[Q
         return out
 
     return weigh
+
+
+class _InBricks(DecayRateMap):
+    def _laid_out(self, values: Array, outside: float) -> CellLayout:
+        assert isinstance(self.statistics, BrickStatistics)
+        return CellLayout.bricks(CellTable.from_cells(self.statistics, values, outside))
+
+
+def _in_bricks(model: DecayRateMap) -> Weigher:
+    large = _InBricks(model.statistics, model.prior, model.floor)
+    size = _table_bytes(large._bound_kernel())
+    return Weigher(DECAY, BRICKS, lambda query: large.scan_log_likelihoods(query.scan, query.poses), size)
 
 
 def _plain_spatial(model: DecayRateMap, statistics: BrickStatistics) -> Weigher:

@@ -137,5 +137,6 @@ def _clipped_likelihoods(label: str, returns: Returns) -> Walk:
     count = len(returns.lengths)
     status, each, sums = np.full(count, RayStatus.RETURN, np.uint8), np.empty((1, count)), np.empty(1)
     grid = (returns.shape, returns.rates[0], returns.low, returns.resolution)
-    run = partial(decay_log_likelihoods, returns.rates, *grid, np.zeros((1, 3)), *returns.rays, status, each, sums)
+    here = np.array([[0.0, 0.0, 1.0, 0.0]])
+    run = partial(decay_log_likelihoods, returns.rates, *grid, here, 1, *returns.rays, status, each, sums)
     return Walk(FORWARD, label, run, lambda: (each[0],))

@@ -9,8 +9,6 @@ from factorloc._jit import kernel
 from factorloc.mapping._forward_kernels import integrate
 from factorloc.mapping._traversal_kernels import clip_ray
 
-_SHORT = 2.0**-6  # of a path, to that of all rays in a cell before
-
 
 @kernel(allocates=False)
 def log_outcome(status, log_pass, density):
@@ -35,17 +33,19 @@ def log_outcome(status, log_pass, density):
 @kernel(allocates=False, inline=True)
 def log_kept(a, r, b):
     """Log-probability ``-a log(1 + r / b)`` that a cell with posterior ``Gamma(a, b)`` lets a path ``r`` pass."""
-    x = r / b
-    if x < _SHORT:
-        # Where many rays have been, as in most cells, this much of the series is exact to the last digit.
-        series = x * (1 / 5 - x * (1 / 6 - x * (1 / 7 - x * (1 / 8))))
-        return -a * x * (1.0 - x * (1 / 2 - x * (1 / 3 - x * (1 / 4 - series))))
-    return -a * math.log1p(x)
+    if r + r < b:
+        # log(1 + x) = 2 artanh(x / (2 + x)), a short series where rays have gone further before, as in most cells.
+        s = r / (b + b + r)
+        u = s * s
+        even = 1 / 5 + u * u * (1 / 9 + u * u * (1 / 13 + u * u * (1 / 17)))
+        odd = 1 / 3 + u * u * (1 / 7 + u * u * (1 / 11 + u * u * (1 / 15 + u * u * (1 / 19))))
+        return -2.0 * a * s * (1.0 + u * (odd + u * even))
+    return -a * math.log1p(r / b)
 
 
 @kernel(allocates=False)
 def decay_log_likelihoods(
-    rates, shape, outside, low, resolution, poses, origins, directions, lengths, status, each, sums
+    rates, shape, outside, low, resolution, poses, group, origins, directions, lengths, status, each, sums
 ):  # fmt: skip
     """Log-likelihood of a scan at many poses under constant decay rates (thesis, eq. 7.13 to 7.16).
 
@@ -63,8 +63,10 @@ def decay_log_likelihoods(
         Rate outside the grid.
     low : (2,) float64
     resolution : float
-    poses : (P, 3) float64
-        Poses of the body in the map.
+    poses : (P, 4) float64
+        Poses of the body in the map: x, y, and cosine and sine of the heading.
+    group : int
+        Poses that a ray is weighed at one after the other, before the next ray.
     origins, directions : (N, 2) float64
         Rays in the frame of the body.
     lengths : (N,) float64
@@ -77,42 +79,44 @@ def decay_log_likelihoods(
     """
     n_x, n_y = shape
     inverse = 1.0 / resolution
-    for i in range(poses.shape[0]):
-        c = math.cos(poses[i, 2])
-        s = math.sin(poses[i, 2])
-        x = poses[i, 0] - low[0]
-        y = poses[i, 1] - low[1]
-        total = 0.0
+    for first in range(0, poses.shape[0], group):
+        last = min(first + group, poses.shape[0])
+        for i in range(first, last):
+            sums[i] = 0.0
         for k in range(lengths.shape[0]):
-            p_x = (c * origins[k, 0] - s * origins[k, 1] + x) * inverse
-            p_y = (s * origins[k, 0] + c * origins[k, 1] + y) * inverse
-            v_x = (c * directions[k, 0] - s * directions[k, 1]) * inverse
-            v_y = (s * directions[k, 0] + c * directions[k, 1]) * inverse
-            length = lengths[k]
-            e_x = math.floor(p_x + v_x * length)
-            e_y = math.floor(p_y + v_y * length)
-            ends_inside = 0 <= e_x < n_x and 0 <= e_y < n_y
-            t_in = 0.0
-            t_out = length
-            if not (ends_inside and 0.0 <= p_x < n_x and 0.0 <= p_y < n_y):
-                t_in, t_out = clip_ray(p_x, p_y, v_x, v_y, length, n_x, n_y)
-            if t_in < t_out:
-                integral = integrate(rates, n_y + 2, p_x + 1.0, p_y + 1.0, v_x, v_y, t_in, t_out)
-                integral += outside * (length - (t_out - t_in))
-            else:
-                integral = outside * length
-            rate = rates[(e_x + 1) * (n_y + 2) + e_y + 1] if ends_inside else outside
-            value = log_outcome(status[k], -integral, rate)
-            if each.shape[0] > 0:
-                each[i, k] = value
-            total += value
-        sums[i] = total
+            for i in range(first, last):
+                x = poses[i, 0] - low[0]
+                y = poses[i, 1] - low[1]
+                c = poses[i, 2]
+                s = poses[i, 3]
+                p_x = (c * origins[k, 0] - s * origins[k, 1] + x) * inverse
+                p_y = (s * origins[k, 0] + c * origins[k, 1] + y) * inverse
+                v_x = (c * directions[k, 0] - s * directions[k, 1]) * inverse
+                v_y = (s * directions[k, 0] + c * directions[k, 1]) * inverse
+                length = lengths[k]
+                e_x = math.floor(p_x + v_x * length)
+                e_y = math.floor(p_y + v_y * length)
+                ends_inside = 0 <= e_x < n_x and 0 <= e_y < n_y
+                t_in = 0.0
+                t_out = length
+                if not (ends_inside and 0.0 <= p_x < n_x and 0.0 <= p_y < n_y):
+                    t_in, t_out = clip_ray(p_x, p_y, v_x, v_y, length, n_x, n_y)
+                if t_in < t_out:
+                    integral = integrate(rates, n_y + 2, p_x + 1.0, p_y + 1.0, v_x, v_y, t_in, t_out)
+                    integral += outside * (length - (t_out - t_in))
+                else:
+                    integral = outside * length
+                rate = rates[(e_x + 1) * (n_y + 2) + e_y + 1] if ends_inside else outside
+                value = log_outcome(status[k], -integral, rate)
+                if each.shape[0] > 0:
+                    each[i, k] = value
+                sums[i] += value
 
 
 @kernel(allocates=False)
 def posterior_log_likelihoods(
-    shapes, paths, shape, prior_shape, prior_path, low, resolution, poses, origins, directions, lengths, status, each,
-    sums,
+    shapes, paths, shape, prior_shape, prior_path, low, resolution, poses, group, origins, directions, lengths, status,
+    each, sums,
 ):  # fmt: skip
     """Log-likelihood of a scan at many poses under Gamma posteriors of the rates (thesis, l_dec of section 8.4.5).
 
@@ -121,25 +125,27 @@ def posterior_log_likelihoods(
     ``paths`` (b = R + beta) instead of rates; what lies outside the grid is one cell with the prior.
     """
     inverse = 1.0 / resolution
-    for i in range(poses.shape[0]):
-        c = math.cos(poses[i, 2])
-        s = math.sin(poses[i, 2])
-        x = poses[i, 0] - low[0]
-        y = poses[i, 1] - low[1]
-        total = 0.0
+    for first in range(0, poses.shape[0], group):
+        last = min(first + group, poses.shape[0])
+        for i in range(first, last):
+            sums[i] = 0.0
         for k in range(lengths.shape[0]):
-            p_x = (c * origins[k, 0] - s * origins[k, 1] + x) * inverse
-            p_y = (s * origins[k, 0] + c * origins[k, 1] + y) * inverse
-            v_x = (c * directions[k, 0] - s * directions[k, 1]) * inverse
-            v_y = (s * directions[k, 0] + c * directions[k, 1]) * inverse
-            log_pass, density = _pass_posterior(
-                shapes, paths, shape, prior_shape, prior_path, p_x, p_y, v_x, v_y, lengths[k]
-            )
-            value = log_outcome(status[k], log_pass, density)
-            if each.shape[0] > 0:
-                each[i, k] = value
-            total += value
-        sums[i] = total
+            for i in range(first, last):
+                x = poses[i, 0] - low[0]
+                y = poses[i, 1] - low[1]
+                c = poses[i, 2]
+                s = poses[i, 3]
+                p_x = (c * origins[k, 0] - s * origins[k, 1] + x) * inverse
+                p_y = (s * origins[k, 0] + c * origins[k, 1] + y) * inverse
+                v_x = (c * directions[k, 0] - s * directions[k, 1]) * inverse
+                v_y = (s * directions[k, 0] + c * directions[k, 1]) * inverse
+                log_pass, density = _pass_posterior(
+                    shapes, paths, shape, prior_shape, prior_path, p_x, p_y, v_x, v_y, lengths[k]
+                )
+                value = log_outcome(status[k], log_pass, density)
+                if each.shape[0] > 0:
+                    each[i, k] = value
+                sums[i] += value
 
 
 @kernel(allocates=False)

@@ -71,7 +71,7 @@ def log_reflection(status, log_pass, log_miss, length, t_in, t_out):
 
 @exact_kernel(allocates=False)
 def reflection_log_likelihoods(
-    log_misses, shape, outside, low, resolution, poses, origins, directions, lengths, status, each, sums
+    log_misses, shape, outside, low, resolution, poses, group, origins, directions, lengths, status, each, sums
 ):
     """Log-likelihood of a scan at many poses under reflection probabilities (thesis, eq. 7.23 and 8.22).
 
@@ -85,8 +85,10 @@ def reflection_log_likelihoods(
         ``log(1 - mu)`` of the cells outside the grid.
     low : (2,) float64
     resolution : float
-    poses : (P, 3) float64
-        Poses of the body in the map.
+    poses : (P, 4) float64
+        Poses of the body in the map: x, y, and cosine and sine of the heading.
+    group : int
+        Poses that a ray is weighed at one after the other, before the next ray.
     origins, directions : (N, 2) float64
         Rays in the frame of the body.
     lengths : (N,) float64
@@ -98,26 +100,28 @@ def reflection_log_likelihoods(
         Written: their sums over each pose.
     """
     inverse = 1.0 / resolution
-    for i in range(poses.shape[0]):
-        c = math.cos(poses[i, 2])
-        s = math.sin(poses[i, 2])
-        x = poses[i, 0] - low[0]
-        y = poses[i, 1] - low[1]
-        total = 0.0
+    for first in range(0, poses.shape[0], group):
+        last = min(first + group, poses.shape[0])
+        for i in range(first, last):
+            sums[i] = 0.0
         for k in range(lengths.shape[0]):
-            p_x = (c * origins[k, 0] - s * origins[k, 1] + x) * inverse
-            p_y = (s * origins[k, 0] + c * origins[k, 1] + y) * inverse
-            v_x = (c * directions[k, 0] - s * directions[k, 1]) * inverse
-            v_y = (s * directions[k, 0] + c * directions[k, 1]) * inverse
-            length = lengths[k]
-            log_pass, log_miss = _pass_cells(log_misses, shape, outside, p_x, p_y, v_x, v_y, length)
-            t_in, t_out = chord_axis(p_x, v_x, math.floor(p_x + v_x * length), length, 0.0, math.inf)
-            t_in, t_out = chord_axis(p_y, v_y, math.floor(p_y + v_y * length), length, t_in, t_out)
-            value = log_reflection(status[k], log_pass, log_miss, length, t_in, t_out)
-            if each.shape[0] > 0:
-                each[i, k] = value
-            total += value
-        sums[i] = total
+            for i in range(first, last):
+                x = poses[i, 0] - low[0]
+                y = poses[i, 1] - low[1]
+                c = poses[i, 2]
+                s = poses[i, 3]
+                p_x = (c * origins[k, 0] - s * origins[k, 1] + x) * inverse
+                p_y = (s * origins[k, 0] + c * origins[k, 1] + y) * inverse
+                v_x = (c * directions[k, 0] - s * directions[k, 1]) * inverse
+                v_y = (s * directions[k, 0] + c * directions[k, 1]) * inverse
+                length = lengths[k]
+                log_pass, log_miss = _pass_cells(log_misses, shape, outside, p_x, p_y, v_x, v_y, length)
+                t_in, t_out = chord_axis(p_x, v_x, math.floor(p_x + v_x * length), length, 0.0, math.inf)
+                t_in, t_out = chord_axis(p_y, v_y, math.floor(p_y + v_y * length), length, t_in, t_out)
+                value = log_reflection(status[k], log_pass, log_miss, length, t_in, t_out)
+                if each.shape[0] > 0:
+                    each[i, k] = value
+                sums[i] += value
 
 
 @exact_kernel(allocates=False)

@@ -23,8 +23,8 @@ def turned(T, v, axis):
 
 @kernel(allocates=False)
 def spatial_decay_log_likelihoods(
-    directory, rates, strides, rim, shape, outside, low, resolution, poses, origins, directions, lengths, status, each,
-    sums,
+    directory, rates, strides, rim, shape, outside, low, resolution, poses, group, origins, directions, lengths, status,
+    each, sums,
 ):  # fmt: skip
     """Log-likelihood of a scan at many poses under constant decay rates (thesis, eq. 7.13 to 7.16).
 
@@ -47,6 +47,8 @@ def spatial_decay_log_likelihoods(
     resolution : float
     poses : (P, 4, 4) float64
         Poses of the body in the map.
+    group : int
+        Poses that a ray is weighed at one after the other, before the next ray.
     origins, directions : (N, 3) float64
         Rays in the frame of the body.
     lengths : (N,) float64
@@ -59,51 +61,53 @@ def spatial_decay_log_likelihoods(
     """
     n_x, n_y, n_z = shape
     inverse = 1.0 / resolution
-    for i in range(poses.shape[0]):
-        T = poses[i]
-        x = T[0, 3] - low[0]
-        y = T[1, 3] - low[1]
-        z = T[2, 3] - low[2]
-        total = 0.0
+    for first in range(0, poses.shape[0], group):
+        last = min(first + group, poses.shape[0])
+        for i in range(first, last):
+            sums[i] = 0.0
         for k in range(lengths.shape[0]):
-            p_x = (turned(T, origins[k], 0) + x) * inverse
-            p_y = (turned(T, origins[k], 1) + y) * inverse
-            p_z = (turned(T, origins[k], 2) + z) * inverse
-            v_x = turned(T, directions[k], 0) * inverse
-            v_y = turned(T, directions[k], 1) * inverse
-            v_z = turned(T, directions[k], 2) * inverse
-            length = lengths[k]
-            e_x = math.floor(p_x + v_x * length)
-            e_y = math.floor(p_y + v_y * length)
-            e_z = math.floor(p_z + v_z * length)
-            ends_inside = 0 <= e_x < n_x and 0 <= e_y < n_y and 0 <= e_z < n_z
-            t_in = 0.0
-            t_out = length
-            if not (ends_inside and 0.0 <= p_x < n_x and 0.0 <= p_y < n_y and 0.0 <= p_z < n_z):
-                t_in, t_out = clip_axis(p_x, v_x, float(n_x), t_in, t_out)
-                t_in, t_out = clip_axis(p_y, v_y, float(n_y), t_in, t_out)
-                t_in, t_out = clip_axis(p_z, v_z, float(n_z), t_in, t_out)
-            rate = outside
-            integral = outside * length
-            if t_in < t_out:
-                walked = walk_layers(
-                    directory, rates, strides, p_x + rim, p_y + rim, p_z + rim, v_x, v_y, v_z, t_in, t_out
-                )
-                integral = walked[0] + outside * (length - (t_out - t_in))
-                rate = walked[1] if ends_inside else outside
-            elif ends_inside:  # of no length
-                rate = np.float64(rates[address(e_x, e_y, e_z, strides[0], strides[1], directory)])
-            value = log_outcome(status[k], -integral, rate)
-            if each.shape[0] > 0:
-                each[i, k] = value
-            total += value
-        sums[i] = total
+            for i in range(first, last):
+                T = poses[i]
+                x = T[0, 3] - low[0]
+                y = T[1, 3] - low[1]
+                z = T[2, 3] - low[2]
+                p_x = (turned(T, origins[k], 0) + x) * inverse
+                p_y = (turned(T, origins[k], 1) + y) * inverse
+                p_z = (turned(T, origins[k], 2) + z) * inverse
+                v_x = turned(T, directions[k], 0) * inverse
+                v_y = turned(T, directions[k], 1) * inverse
+                v_z = turned(T, directions[k], 2) * inverse
+                length = lengths[k]
+                e_x = math.floor(p_x + v_x * length)
+                e_y = math.floor(p_y + v_y * length)
+                e_z = math.floor(p_z + v_z * length)
+                ends_inside = 0 <= e_x < n_x and 0 <= e_y < n_y and 0 <= e_z < n_z
+                t_in = 0.0
+                t_out = length
+                if not (ends_inside and 0.0 <= p_x < n_x and 0.0 <= p_y < n_y and 0.0 <= p_z < n_z):
+                    t_in, t_out = clip_axis(p_x, v_x, float(n_x), t_in, t_out)
+                    t_in, t_out = clip_axis(p_y, v_y, float(n_y), t_in, t_out)
+                    t_in, t_out = clip_axis(p_z, v_z, float(n_z), t_in, t_out)
+                rate = outside
+                integral = outside * length
+                if t_in < t_out:
+                    walked = walk_layers(
+                        directory, rates, strides, p_x + rim, p_y + rim, p_z + rim, v_x, v_y, v_z, t_in, t_out
+                    )
+                    integral = walked[0] + outside * (length - (t_out - t_in))
+                    rate = walked[1] if ends_inside else outside
+                elif ends_inside:  # of no length
+                    rate = np.float64(rates[address(e_x, e_y, e_z, strides[0], strides[1], directory)])
+                value = log_outcome(status[k], -integral, rate)
+                if each.shape[0] > 0:
+                    each[i, k] = value
+                sums[i] += value
 
 
 @kernel(allocates=False)
 def spatial_posterior_log_likelihoods(
-    directory, shapes, paths, strides, shape, prior_shape, prior_path, low, resolution, poses, origins, directions,
-    lengths, status, each, sums,
+    directory, shapes, paths, strides, shape, prior_shape, prior_path, low, resolution, poses, group, origins,
+    directions, lengths, status, each, sums,
 ):  # fmt: skip
     """Log-likelihood of a scan at many poses under Gamma posteriors of the rates (thesis, l_dec of section 8.4.5).
 
@@ -111,28 +115,30 @@ def spatial_posterior_log_likelihoods(
     :func:`spatial_decay_log_likelihoods`. What lies outside the grid is one cell with the prior.
     """
     inverse = 1.0 / resolution
-    for i in range(poses.shape[0]):
-        T = poses[i]
-        x = T[0, 3] - low[0]
-        y = T[1, 3] - low[1]
-        z = T[2, 3] - low[2]
-        total = 0.0
+    for first in range(0, poses.shape[0], group):
+        last = min(first + group, poses.shape[0])
+        for i in range(first, last):
+            sums[i] = 0.0
         for k in range(lengths.shape[0]):
-            p_x = (turned(T, origins[k], 0) + x) * inverse
-            p_y = (turned(T, origins[k], 1) + y) * inverse
-            p_z = (turned(T, origins[k], 2) + z) * inverse
-            v_x = turned(T, directions[k], 0) * inverse
-            v_y = turned(T, directions[k], 1) * inverse
-            v_z = turned(T, directions[k], 2) * inverse
-            log_pass, density = _pass_posterior(
-                directory, shapes, paths, strides, shape, prior_shape, prior_path, p_x, p_y, p_z, v_x, v_y, v_z,
-                lengths[k],
-            )  # fmt: skip
-            value = log_outcome(status[k], log_pass, density)
-            if each.shape[0] > 0:
-                each[i, k] = value
-            total += value
-        sums[i] = total
+            for i in range(first, last):
+                T = poses[i]
+                x = T[0, 3] - low[0]
+                y = T[1, 3] - low[1]
+                z = T[2, 3] - low[2]
+                p_x = (turned(T, origins[k], 0) + x) * inverse
+                p_y = (turned(T, origins[k], 1) + y) * inverse
+                p_z = (turned(T, origins[k], 2) + z) * inverse
+                v_x = turned(T, directions[k], 0) * inverse
+                v_y = turned(T, directions[k], 1) * inverse
+                v_z = turned(T, directions[k], 2) * inverse
+                log_pass, density = _pass_posterior(
+                    directory, shapes, paths, strides, shape, prior_shape, prior_path, p_x, p_y, p_z, v_x, v_y, v_z,
+                    lengths[k],
+                )  # fmt: skip
+                value = log_outcome(status[k], log_pass, density)
+                if each.shape[0] > 0:
+                    each[i, k] = value
+                sums[i] += value
 
 
 @kernel(allocates=False)

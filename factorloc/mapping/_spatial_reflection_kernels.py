@@ -17,8 +17,8 @@ from factorloc.mapping._traversal_kernels import FIXED_POINT
 
 @exact_kernel(allocates=False)
 def spatial_reflection_log_likelihoods(
-    directory, log_misses, strides, shape, outside, low, resolution, poses, origins, directions, lengths, status, each,
-    sums,
+    directory, log_misses, strides, shape, outside, low, resolution, poses, group, origins, directions, lengths, status,
+    each, sums,
 ):  # fmt: skip
     """Log-likelihood of a scan at many poses under reflection probabilities (thesis, eq. 7.23 and 8.22).
 
@@ -37,6 +37,8 @@ def spatial_reflection_log_likelihoods(
     resolution : float
     poses : (P, 4, 4) float64
         Poses of the body in the map.
+    group : int
+        Poses that a ray is weighed at one after the other, before the next ray.
     origins, directions : (N, 3) float64
         Rays in the frame of the body.
     lengths : (N,) float64
@@ -48,31 +50,33 @@ def spatial_reflection_log_likelihoods(
         Written: their sums over each pose.
     """
     inverse = 1.0 / resolution
-    for i in range(poses.shape[0]):
-        T = poses[i]
-        x = T[0, 3] - low[0]
-        y = T[1, 3] - low[1]
-        z = T[2, 3] - low[2]
-        total = 0.0
+    for first in range(0, poses.shape[0], group):
+        last = min(first + group, poses.shape[0])
+        for i in range(first, last):
+            sums[i] = 0.0
         for k in range(lengths.shape[0]):
-            p_x = (turned(T, origins[k], 0) + x) * inverse
-            p_y = (turned(T, origins[k], 1) + y) * inverse
-            p_z = (turned(T, origins[k], 2) + z) * inverse
-            v_x = turned(T, directions[k], 0) * inverse
-            v_y = turned(T, directions[k], 1) * inverse
-            v_z = turned(T, directions[k], 2) * inverse
-            length = lengths[k]
-            log_pass, log_miss = _pass_cells(
-                directory, log_misses, strides, shape, outside, p_x, p_y, p_z, v_x, v_y, v_z, length
-            )
-            t_in, t_out = chord_axis(p_x, v_x, math.floor(p_x + v_x * length), length, 0.0, math.inf)
-            t_in, t_out = chord_axis(p_y, v_y, math.floor(p_y + v_y * length), length, t_in, t_out)
-            t_in, t_out = chord_axis(p_z, v_z, math.floor(p_z + v_z * length), length, t_in, t_out)
-            value = log_reflection(status[k], log_pass, log_miss, length, t_in, t_out)
-            if each.shape[0] > 0:
-                each[i, k] = value
-            total += value
-        sums[i] = total
+            for i in range(first, last):
+                T = poses[i]
+                x = T[0, 3] - low[0]
+                y = T[1, 3] - low[1]
+                z = T[2, 3] - low[2]
+                p_x = (turned(T, origins[k], 0) + x) * inverse
+                p_y = (turned(T, origins[k], 1) + y) * inverse
+                p_z = (turned(T, origins[k], 2) + z) * inverse
+                v_x = turned(T, directions[k], 0) * inverse
+                v_y = turned(T, directions[k], 1) * inverse
+                v_z = turned(T, directions[k], 2) * inverse
+                length = lengths[k]
+                log_pass, log_miss = _pass_cells(
+                    directory, log_misses, strides, shape, outside, p_x, p_y, p_z, v_x, v_y, v_z, length
+                )
+                t_in, t_out = chord_axis(p_x, v_x, math.floor(p_x + v_x * length), length, 0.0, math.inf)
+                t_in, t_out = chord_axis(p_y, v_y, math.floor(p_y + v_y * length), length, t_in, t_out)
+                t_in, t_out = chord_axis(p_z, v_z, math.floor(p_z + v_z * length), length, t_in, t_out)
+                value = log_reflection(status[k], log_pass, log_miss, length, t_in, t_out)
+                if each.shape[0] > 0:
+                    each[i, k] = value
+                sums[i] += value
 
 
 @exact_kernel(allocates=False)

@@ -27,6 +27,9 @@ Array = npt.NDArray[np.float64]
 
 _PARALLEL_CELLS = 300_000  # about a millisecond of walking; less is done before threads are woken
 _CELLS_A_RAY = 10  # what a ray costs besides its walk, in cells
+_SIDE_BY_SIDE = 256  # poses close together that a ray is walked at in turn: it stays in the cells that are at hand
+_REACH, _CLOSE = 10.0, 5.0  # m; poses are close together if the ends of a ray so long lie within so much
+_MOST_IN_FULL = 256 * 2**20  # bytes of a sparse map's cells up to which they are laid out in full
 
 
 def rimmed(values: npt.ArrayLike, rim: float) -> Array:
@@ -38,7 +41,9 @@ def rimmed(values: npt.ArrayLike, rim: float) -> Array:
 class BeamModel(ABC):
     """Likelihood of lidar rays by what lies along their way; satisfies :class:`~factorloc.mapping.SensorModel`.
 
-    A model is laid out for its kernels when it is first asked; from then on a call costs its walks.
+    A model is laid out for its kernels when it is first asked; from then on a call costs its walks. A sparse map of up
+    to 64 million cells (256 MiB) is laid out in full for that; a larger one stays in bricks, which are slower to read.
+    Where all poses are close together, every ray is walked at many of them before the next, its cells being at hand.
 
     Parameters
     ----------
@@ -86,7 +91,7 @@ class BeamModel(ABC):
         def weigh(first: int, last: int) -> None:
             part = slice(first, last)
             block = (rays.origins[part], rays.directions[part], rays.ranges[part], rays.status[part])
-            self._kernel(pose, *block, each[:, part], np.empty(1))
+            self._kernel(_placed(pose), 1, *block, each[:, part], np.empty(1))
 
         self._deal(weigh, len(scan), self._cells(scan))
         return each.ravel()
@@ -115,10 +120,11 @@ class BeamModel(ABC):
         array = checked_poses(poses, self.grid)
         rays = pack([scan])
         block = (rays.origins, rays.directions, rays.ranges, rays.status, np.empty((0, len(scan))))
+        placed, group = _placed(array), _SIDE_BY_SIDE if _are_close(array) else 1
         sums = np.empty(len(array))
 
         def weigh(first: int, last: int) -> None:
-            self._kernel(array[first:last], *block, sums[first:last])
+            self._kernel(placed[first:last], group, *block, sums[first:last])
 
         self._deal(weigh, len(array), self._cells(scan) * len(array))
         return sums
@@ -140,6 +146,8 @@ class BeamModel(ABC):
     def _laid_out(self, values: Array, outside: float) -> CellLayout:
         """One number of each cell of a spatial map, as kernels read them."""
         if isinstance(self.statistics, BrickStatistics):
+            if self.grid.cells * 4 <= _MOST_IN_FULL:
+                return CellLayout.in_full(self.statistics, values, outside)
             return CellLayout.bricks(CellTable.from_cells(self.statistics, values, outside))
         return CellLayout.dense(self.grid, values, outside)
 
@@ -153,3 +161,21 @@ class BeamModel(ABC):
             _jit.in_threads(weigh, count)
         else:
             weigh(0, count)
+
+
+def _placed(poses: Array) -> Array:
+    """Poses as kernels take them: in the plane x, y, and cosine and sine of the heading, shape (P, 4)."""
+    if poses.ndim == 3:
+        return poses
+    return np.column_stack([poses[:, :2], np.cos(poses[:, 2]), np.sin(poses[:, 2])])
+
+
+def _are_close(poses: Array) -> bool:
+    """Whether a ray runs through much the same cells at all of some poses, by the deviation of its end."""
+    if len(poses) < 2:
+        return False
+    if poses.ndim == 2:
+        position, axes = poses[:, :2], np.stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])], -1)
+    else:
+        position, axes = poses[:, :3, 3], poses[:, :3, :2].reshape(-1, 6)
+    return bool(np.sqrt(position.var(0).sum() + _REACH**2 * axes.var(0).sum()) <= _CLOSE)

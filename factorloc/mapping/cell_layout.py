@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from factorloc.mapping.brick_statistics import BrickStatistics
 from factorloc.mapping.bricks import BRICK
 from factorloc.mapping.cell_table import CellTable
-from factorloc.mapping.grid import Grid
+from factorloc.mapping.grid import Grid, require_memory
 
 __all__ = ["CellLayout"]
 
@@ -54,13 +55,33 @@ class CellLayout:
     @classmethod
     def dense(cls, grid: Grid, values: npt.ArrayLike, outside: float) -> CellLayout:
         """Lay out an array of shape ``grid.shape``."""
-        array, low = np.asarray(values, np.float64), np.array(grid.origin)
+        array = np.asarray(values, np.float64)
         if grid.dimension == 2:
-            array, low = array[..., None], np.append(low, -0.5 * grid.resolution)
-        n_x, n_y, n_z = array.shape
-        flat = np.pad(array, 1, constant_values=outside).ravel()
-        strides = ((n_y + 2) * (n_z + 2), n_z + 2, 1)
-        return cls(None, flat, strides, 1.0, (n_x, n_y, n_z), low, grid.resolution, float(outside))
+            array = array[..., None]
+        return cls._rimmed(grid, np.pad(array, 1, constant_values=outside), outside)
+
+    @classmethod
+    def in_full(cls, statistics: BrickStatistics, values: npt.ArrayLike, outside: float) -> CellLayout:
+        """Lay out numbers of the visited cells of a sparse map, and the outside's of the others, as a dense array.
+
+        Raises
+        ------
+        MapError
+            If it does not fit into memory.
+        """
+        shape = [n + 2 for n in statistics.grid.shape]
+        require_memory(4 * int(np.prod(shape)), f"{' x '.join(map(str, shape))} cells laid out in full")
+        array = np.full(shape, outside, np.float32)
+        array[tuple((statistics.layout.cells(statistics.keys) + 1).T)] = values
+        return cls._rimmed(statistics.grid, array, outside)
+
+    @classmethod
+    def _rimmed(cls, grid: Grid, array: npt.NDArray[np.floating], outside: float) -> CellLayout:
+        n_x, n_y, n_z = (n - 2 for n in array.shape)
+        strides, low = ((n_y + 2) * (n_z + 2), n_z + 2, 1), np.array(grid.origin)
+        if grid.dimension == 2:
+            low = np.append(low, -0.5 * grid.resolution)
+        return cls(None, array.ravel(), strides, 1.0, (n_x, n_y, n_z), low, grid.resolution, float(outside))
 
     @classmethod
     def bricks(cls, table: CellTable) -> CellLayout:

@@ -10,7 +10,17 @@ import pytest
 
 from benchmarks import mcl_speed, particle_weights
 from benchmarks.harness import Benchmark
-from benchmarks.particle_weights import DECAY, FIELD, OWN, PLAIN, REFLECTION, TREE, all_weighers, check_agreement
+from benchmarks.particle_weights import (
+    BRICKS,
+    DECAY,
+    FIELD,
+    OWN,
+    PLAIN,
+    REFLECTION,
+    TREE,
+    all_weighers,
+    check_agreement,
+)
 from benchmarks.particle_weights_scenes import GLOBAL, TRACKING, Drive, Scene, load_drive, make_scene
 from benchmarks.returns import OFFICE
 from factorloc.config import read_config
@@ -60,7 +70,7 @@ def test_all_weighers_agree(office: Scene, spread: str) -> None:
 
 def test_weighers_in_space_agree(room: Scene) -> None:
     weighers = all_weighers(room, 0.01, 1)
-    assert {weigher.label for weigher in weighers} == {OWN, PLAIN}
+    assert {weigher.label for weigher in weighers} == {OWN, BRICKS, PLAIN}
     query = room.queries(TRACKING, 30, 200, (3.0, 1.0), np.random.default_rng(1))[0]
     check_agreement(weighers, query)
     # Rays that begin outside of the map and never meet it, too.

@@ -15,7 +15,7 @@ from spatial_cases import packed_spatial, spatial_grids, spatial_rays
 from strategies import angles, floats, poses_2d
 
 from factorloc.errors import MapError
-from factorloc.mapping import BrickStatistics, Grid, RayStatistics
+from factorloc.mapping import BrickStatistics, Grid, RayStatistics, beam_model
 from factorloc.mapping.beta_prior import BetaPrior
 from factorloc.mapping.reflection import ReflectionMap, ReflectionPosterior
 from factorloc.scan import RayStatus, Scan
@@ -97,8 +97,11 @@ def test_in_space_dense_and_in_bricks(data: st.DataObject, seed: int) -> None:
         model = kind(counts, PRIOR)
         expected = [naive.reflection_log_likelihood(ray, LIMITS, grid, model.probabilities, PRIOR.mean) for ray in rays]
         assert model.log_likelihood(spatial_scan(rays), np.eye(4)) == pytest.approx(expected, rel=1e-8, abs=1e-8)
-        found = kind(sparse, PRIOR).log_likelihood(spatial_scan(rays), np.eye(4))
-        assert found == pytest.approx(expected, rel=1e-5, abs=1e-4)
+        for most in (0, 2**28):  # in bricks, and laid out in full
+            with pytest.MonkeyPatch.context() as patch:
+                patch.setattr(beam_model, "_MOST_IN_FULL", most)
+                found = kind(sparse, PRIOR).log_likelihood(spatial_scan(rays), np.eye(4))
+            assert found == pytest.approx(expected, rel=1e-5, abs=1e-4)
 
 
 def total_probability(model, start: np.ndarray, direction: np.ndarray, limits: tuple[float, float]) -> float:

@@ -44,11 +44,21 @@ def dense() -> RayStatistics:
     return counts(20, 20, 10)
 
 
-def bricks() -> BrickStatistics:
+def unfolded() -> BrickStatistics:
+    """Small enough to be laid out in full."""
     return BrickStatistics.from_dense(dense())
 
 
-MAPS = [planar, dense, bricks]
+def bricks() -> BrickStatistics:
+    """In a grid too large for that."""
+    whole = Grid((-255.0, -255.0, -102.5), 0.5, (1020, 1020, 410))
+    found = unfolded().crop(whole)
+    assert whole.cells * 4 > beam_model._MOST_IN_FULL
+    assert len(found.cells) == len(unfolded().cells)
+    return found
+
+
+MAPS = [planar, dense, unfolded, bricks]
 
 
 def spatial_sweep(seed: int, rays: int) -> Scan:
@@ -114,6 +124,38 @@ def test_threads_leave_no_trace(make: Callable[[], Statistics], name: str, monke
     assert dealt == [9, 50]
     assert alone[0].tolist() == together[0].tolist()
     assert alone[1].tolist() == together[1].tolist()
+
+
+@pytest.mark.parametrize("name", BEAM_MODELS)
+@pytest.mark.parametrize("make", MAPS)
+def test_close_poses_are_weighed_side_by_side_and_alike(
+    make: Callable[[], Statistics], name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    statistics = make()
+    model, (scan, poses) = made(statistics, name), drive(statistics, 5, 50, 23)
+    alone = model.scan_log_likelihoods(scan, poses)
+    groups = []
+    kernel = model._kernel  # type: ignore[attr-defined]
+
+    def watched(poses: np.ndarray, group: int, *rays: np.ndarray) -> None:
+        groups.append(group)
+        kernel(poses, group, *rays)
+
+    monkeypatch.setitem(model.__dict__, "_kernel", watched)
+    monkeypatch.setattr(beam_model, "_SIDE_BY_SIDE", 7)
+    assert model.scan_log_likelihoods(scan, poses).tolist() == alone.tolist()
+    monkeypatch.setattr(beam_model, "_CLOSE", 1000.0)
+    assert model.scan_log_likelihoods(scan, poses).tolist() == alone.tolist()
+    assert groups == [1, 7]
+
+
+def test_poses_are_close_if_a_ray_ends_at_much_the_same_place_from_all() -> None:
+    rng = np.random.default_rng(1)
+    near = rng.normal(size=(500, 3)) * [0.5, 0.5, 0.1] + [100.0, -50.0, np.pi]
+    turned, far = near + np.outer(rng.normal(size=500), [0, 0, 2]), near + np.outer(rng.normal(size=500), [0, 20, 0])
+    for poses, close in ((near, True), (turned, False), (far, False), (far[:1], False)):
+        assert beam_model._are_close(poses) == close
+        assert beam_model._are_close(se3.from_se2(poses)) == close
 
 
 @pytest.mark.parametrize("name", BEAM_MODELS)

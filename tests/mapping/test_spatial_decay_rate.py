@@ -11,7 +11,15 @@ from naive import Ray
 from ray_cases import SEEDS
 from spatial_cases import packed_spatial, spatial_grids, spatial_rays
 
-from factorloc.mapping import BrickStatistics, DecayRateMap, DecayRatePosterior, GammaPrior, Grid, RayStatistics
+from factorloc.mapping import (
+    BrickStatistics,
+    DecayRateMap,
+    DecayRatePosterior,
+    GammaPrior,
+    Grid,
+    RayStatistics,
+    beam_model,
+)
 from factorloc.scan import RayStatus, Scan
 
 HERE = np.eye(4)
@@ -45,16 +53,22 @@ def test_likelihoods_are_the_naive_ones(data: st.DataObject, seed: int) -> None:
     with np.errstate(divide="ignore"):
         expected = [naive.decay_log_likelihood(ray, LIMITS, grid, rates.rates, PRIOR.mean) for ray in rays]
     assert rates.log_likelihood(scan_of(rays), HERE) == pytest.approx(expected, rel=1e-9, abs=1e-9)
-    found = DecayRateMap(sparse, PRIOR).log_likelihood(scan_of(rays), HERE)
-    assert found == pytest.approx(expected, rel=1e-5, abs=1e-4)
+    for most in (0, 2**28):  # in bricks, and laid out in full
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(beam_model, "_MOST_IN_FULL", most)
+            found = DecayRateMap(sparse, PRIOR).log_likelihood(scan_of(rays), HERE)
+        assert found == pytest.approx(expected, rel=1e-5, abs=1e-4)
     posterior = DecayRatePosterior(statistics, PRIOR)
     expected = [
         naive.posterior_log_likelihood(ray, LIMITS, grid, posterior.shapes, posterior.paths, (PRIOR.shape, PRIOR.path))
         for ray in rays
     ]
     assert posterior.log_likelihood(scan_of(rays), HERE) == pytest.approx(expected, rel=1e-9, abs=1e-9)
-    found = DecayRatePosterior(sparse, PRIOR).log_likelihood(scan_of(rays), HERE)
-    assert found == pytest.approx(expected, rel=1e-5, abs=1e-4)
+    for most in (0, 2**28):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(beam_model, "_MOST_IN_FULL", most)
+            found = DecayRatePosterior(sparse, PRIOR).log_likelihood(scan_of(rays), HERE)
+        assert found == pytest.approx(expected, rel=1e-5, abs=1e-4)
 
 
 @given(SEEDS)
