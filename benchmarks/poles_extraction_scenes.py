@@ -45,6 +45,21 @@ class Stretch:
     returns: Index
 
     @property
+    def centre(self) -> Array:
+        """Mean of where the lidar was, m, (3,)."""
+        sensors = [se3.compose(pose, scan.T_body_sensor) for pose, scan in zip(self.poses, self.scans, strict=True)]
+        return np.asarray(np.mean([sensor[:3, 3] for sensor in sensors], axis=0))
+
+    def begin(self, length: float) -> Stretch:
+        """Return as many of the first scans as were taken over a distance, m; at least one."""
+        steps = np.linalg.norm(np.diff(self.poses[:, :2, 3], axis=0), axis=1)
+        count = 1 + int((np.cumsum(steps) <= length + 1e-9).sum())
+        if count == len(self.scans):
+            return self
+        scans, poses = self.scans[:count], self.poses[:count]
+        return Stretch(scans, poses, self.truth, _returns(scans, poses, self.truth))
+
+    @property
     def rays(self) -> int:
         """Rays of all scans."""
         return sum(map(len, self.scans))

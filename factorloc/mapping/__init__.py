@@ -20,14 +20,18 @@ from factorloc.mapping.fading_counts import FadingCounts
 from factorloc.mapping.georeference import Georeference
 from factorloc.mapping.grid import Grid
 from factorloc.mapping.local_frame import LocalFrame
+from factorloc.mapping.local_maps import LocalMap, local_maps
 from factorloc.mapping.map_change import MapChange
 from factorloc.mapping.map_shift import MapShift, log_match
 from factorloc.mapping.noisy_decay_rate import NoisyDecayRateMap
 from factorloc.mapping.normalized_end_point import NormalizedEndPointModel
 from factorloc.mapping.occupancy import OccupancyMap
 from factorloc.mapping.out_of_range import OutOfRangePrior
+from factorloc.mapping.pole_extractor import PoleExtractor
 from factorloc.mapping.pole_map import PoleMap
 from factorloc.mapping.pole_map_storage import is_pole_map, read_pole_map, write_pole_map
+from factorloc.mapping.pole_mapping import PoleMapper, PoleMappingSettings
+from factorloc.mapping.pole_settings import BY_EVIDENCE, KITTI_LIKE, NCLT_LIKE, EvidenceSettings, PoleSettings
 from factorloc.mapping.poles import Poles
 from factorloc.mapping.prior import GammaPrior, estimate_prior
 from factorloc.mapping.pyramid import DEFAULT_BLURS, BlurPyramid
@@ -40,7 +44,10 @@ from factorloc.mapping.storage import MapInfo, read_map, read_map_info, write_ma
 from factorloc.mapping.top_view import top_view
 
 __all__ = [
+    "BY_EVIDENCE",
     "DEFAULT_BLURS",
+    "KITTI_LIKE",
+    "NCLT_LIKE",
     "SENSOR_MODELS",
     "SPATIAL_BLURS",
     "BetaBelief",
@@ -55,12 +62,14 @@ __all__ = [
     "FacadeBounds",
     "FacadeMap",
     "Facades",
+    "EvidenceSettings",
     "FadingCounts",
     "GammaBelief",
     "GammaPrior",
     "Georeference",
     "Grid",
     "LocalFrame",
+    "LocalMap",
     "MapChange",
     "MapInfo",
     "MapShift",
@@ -70,7 +79,11 @@ __all__ = [
     "OccupancyMap",
     "OutOfRangePrior",
     "Outline",
+    "PoleExtractor",
     "PoleMap",
+    "PoleMapper",
+    "PoleMappingSettings",
+    "PoleSettings",
     "Poles",
     "RateEvidence",
     "RayStatistics",
@@ -83,6 +96,7 @@ __all__ = [
     "estimate_beta_prior",
     "estimate_prior",
     "is_pole_map",
+    "local_maps",
     "log_match",
     "make_sensor_model",
     "read_map",

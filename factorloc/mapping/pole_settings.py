@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Self
+from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
@@ -10,7 +10,8 @@ from factorloc.config import Block
 
 __all__ = ["BY_EVIDENCE", "KITTI_LIKE", "NCLT_LIKE", "EvidenceSettings", "PoleSettings"]
 
-Beta = tuple[float, float]
+Positive = Annotated[float, Field(gt=0)]
+Beta = tuple[Positive, Positive]
 
 
 class EvidenceSettings(Block):
@@ -82,7 +83,7 @@ class PoleSettings(Block):
 
     @model_validator(mode="after")
     def _cells_fit(self) -> Self:
-        if min(self.shape) < self.most_width + 2 * self.hull_cells and min(self.shape[:2]) < 3:
+        if min(self.shape[:2]) < self.most_width + 2 * self.hull_cells:
             raise ValueError(f"size {self.size} m leaves no room for a pole; enlarge it or refine the resolution")
         if self.height_cells > self.shape[2]:
             raise ValueError(f"least_height {self.least_height} m is more than the {self.size[2]} m of a local map")
