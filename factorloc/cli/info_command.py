@@ -12,23 +12,29 @@ from factorloc.cli.console import console
 __all__ = ["info"]
 
 
-def info(path: Annotated[Path, typer.Argument(help="A map file, a recording, or the folder of a run.")]) -> None:
-    """Tell what a map, a recording or a run holds.
+def info(
+    path: Annotated[Path, typer.Argument(help="A map file, a building map, a recording, or the folder of a run.")],
+) -> None:
+    """Tell what a map, a building map, a recording or a run holds.
 
     [bold]Examples[/bold]
 
     [green]factorloc info intel.h5[/green]
 
+    [green]factorloc info town.osm[/green]
+
     [green]factorloc info intel.clf.bz2[/green]
 
     [green]factorloc info results/latest[/green]
     """
-    from factorloc.datasets import READERS
+    from factorloc.datasets import BUILDING_READERS, READERS
 
     if path.is_dir() and (path / "run.json").exists():
         _show("run", _run_facts(path))
     elif path.suffix in (".h5", ".hdf5"):
-        _show("map", _map_facts(path))
+        _show(*_map_facts(path))
+    elif path.is_file() and any(known.matches(path) for known in BUILDING_READERS):
+        _show("building map", _building_facts(path))
     elif path.is_dir() and not any(reader.matches(path) for reader in READERS):
         _show("run", _run_facts(path))
     else:
@@ -45,12 +51,15 @@ def _show(kind: str, facts: dict[str, str]) -> None:
     console.print(table)
 
 
-def _map_facts(path: Path) -> dict[str, str]:
-    from factorloc.mapping import read_map_info
+def _map_facts(path: Path) -> tuple[str, dict[str, str]]:
+    from factorloc.cli.facades_command import facade_facts
+    from factorloc.mapping import is_facade_map, read_facade_map, read_map_info
 
+    if is_facade_map(path):
+        return "facade map", facade_facts(read_facade_map(path))
     found = read_map_info(path)
     grid = found.grid
-    return {
+    return "map", {
         "cells": " x ".join(map(str, grid.shape)),
         "resolution": f"{grid.resolution} m",
         "frame": grid.frame,
@@ -60,6 +69,22 @@ def _map_facts(path: Path) -> dict[str, str]:
         "in memory": f"{found.cell_bytes / 2**20:.1f} MiB",
         "left out": ", ".join(f"{count} {reason}" for reason, count in found.left_out.items()) or "nothing",
         **{f"provenance: {name}": value for name, value in found.provenance.items()},
+    }
+
+
+def _building_facts(path: Path) -> dict[str, str]:
+    from factorloc.datasets import read_buildings
+
+    found = read_buildings(path)
+    frame = found.frame
+    return {
+        "buildings": str(len(found)),
+        "heights": f"known of {sum(outline.height is not None for outline in found.outlines)}",
+        "middle": "" if frame is None else f"longitude {frame.longitude:.7f}°, latitude {frame.latitude:.7f}°",
+        "left out": ", ".join(f"{count} {reason}" for reason, count in found.left_out.items()) or "nothing",
+        "mended": ", ".join(f"{deed}: {count}" for deed, count in found.mended.items()) or "nothing",
+        **({"notes": "; ".join(found.notes)} if found.notes else {}),
+        **({"attribution": found.attribution} if found.attribution else {}),
     }
 
 

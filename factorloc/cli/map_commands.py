@@ -1,4 +1,4 @@
-"""``factorloc map``: build maps from recordings."""
+"""``factorloc map``: build maps from recordings, and from building maps."""
 
 from __future__ import annotations
 
@@ -8,14 +8,18 @@ from typing import Annotated
 import typer
 
 from factorloc.cli.console import Threads, console, progress_bar, use_threads
+from factorloc.cli.facades_command import facades
 from factorloc.cli.recording import Mount, reader_options
 from factorloc.cli.selection import SELECTION_HELP, select_scans
 
 __all__ = ["map_app"]
 
 map_app = typer.Typer(
-    help="Build maps from recordings with known poses.", no_args_is_help=True, rich_markup_mode="rich"
+    help="Build maps from recordings with known poses, or from building maps.",
+    no_args_is_help=True,
+    rich_markup_mode="rich",
 )
+map_app.command()(facades)
 
 
 @map_app.command()

@@ -61,6 +61,7 @@ def read_buildings(
     swap_axes: bool = False,
     origin: tuple[float, float] | None = None,
     datum: str = "EPSG:4326",
+    attribution: str | None = None,
 ) -> BuildingOutlines:
     """Read the buildings of a map into a local metric frame: OpenStreetMap, GeoJSON, GeoPackage, Shapefile, CityGML.
 
@@ -80,6 +81,8 @@ def read_buildings(
     datum : str
         Geographic system that the frame is tied to: WGS 84 by default, as satellite receivers; ``file`` keeps that of
         the file, and then nothing is lost to a transformation.
+    attribution : str, optional
+        Whom every picture and report has to name, instead of what the file tells.
 
     Warns
     -----
@@ -100,6 +103,8 @@ def read_buildings(
         formats = "; ".join(known.name for known in BUILDING_READERS)
         raise DataError(f"{path}: no known format of building maps; known are: {formats}")
     found = reader.read(path)
+    if attribution is not None:
+        found.attribution = attribution
     name = crs or found.crs
     if name is None:
         raise DataError(f"{path}: names no coordinate system; give it with --crs, as EPSG:25832")

@@ -17,6 +17,7 @@ __all__ = ["VectorBuildings", "read_vector_buildings"]
 
 _DRIVERS = {".geojson": "GeoJSON", ".json": "GeoJSON", ".gpkg": "GPKG", ".shp": "ESRI Shapefile"}
 _MOST = 5_000_000  # outlines
+_MOST_TEXT = 512 * 2**20  # bytes of JSON, which unfold about tenfold
 _NAMES = ("name", "Name", "NAME", "id", "gml_id", "osm_id")
 _HEIGHTS = ("height", "HEIGHT", "Height", "building:height", "measuredHeight", "measuredheight")
 _LEVELS = ("building:levels", "building_levels", "levels", "storeys", "storeysAboveGround")
@@ -59,8 +60,7 @@ def read_vector_buildings(path: Path | str, layer: str | None = None) -> Buildin
     path = Path(path)
     checked_size(path)
     pyogrio = optional("pyogrio")
-    if path.suffix.lower() in (".geojson", ".json"):
-        _check_document(path)
+    attribution = _checked_document(path) if path.suffix.lower() in (".geojson", ".json") else ""
     source: Any = path
     try:
         layers = pyogrio.list_layers(source)[:, 0].tolist()
@@ -78,9 +78,7 @@ def read_vector_buildings(path: Path | str, layer: str | None = None) -> Buildin
             raise
         reason = " ".join(str(error).split())[:160]
         raise DataError(f"{path}: damaged, or not what its ending says ({reason}); export it again") from error
-    found = BuildingFeatures(crs=meta["crs"])
-    if found.crs is not None and _names_osm(path, facts):
-        found.attribution = OSM_ATTRIBUTION
+    found = BuildingFeatures(crs=meta["crs"], attribution=attribution or (OSM_ATTRIBUTION if _is_osm(facts) else ""))
     rows = dict(zip(meta["fields"].tolist(), columns, strict=True))
     if shapes is None:
         return found
@@ -105,14 +103,15 @@ def _name(properties: dict[str, Any]) -> str:
     return next((str(v) for n in _NAMES if (v := properties.get(n)) is not None and v == v and str(v)), "")
 
 
-def _names_osm(path: Path, facts: dict[str, Any]) -> bool:
-    """Whether the file says that it is from OpenStreetMap: exports keep its tags or identifiers."""
+def _is_osm(facts: dict[str, Any]) -> bool:
+    """Whether the file is from OpenStreetMap: exports keep its identifiers or its tags."""
     fields = {str(name).lower() for name in np.asarray(facts["fields"]).tolist()}
-    return bool(fields & {"osm_id", "osm_way_id", "osm_type", "@id"}) or "building:levels" in fields
+    return bool(fields & {"osm_id", "osm_way_id", "osm_type", "@id", "building:levels"})
 
 
-def _check_document(path: Path) -> None:
-    """Refuse what is no GeoJSON in words that name the fault; GDAL passes over some of them."""
+def _checked_document(path: Path) -> str:
+    """Refuse what is no GeoJSON in words that name the fault, as GDAL passes over some; returns the attribution."""
+    checked_size(path, _MOST_TEXT)
     try:
         document = json.loads(path.read_text(encoding="utf-8-sig"), parse_constant=_no_constant)
     except OSError as error:
@@ -123,6 +122,8 @@ def _check_document(path: Path) -> None:
         raise DataError(f"{path}: not GeoJSON; expected an object with a member 'type'")
     if document["type"] == "FeatureCollection" and not isinstance(document.get("features"), list):
         raise DataError(f"{path}: member 'features' is no list; export it as a FeatureCollection")
+    named = document.get("attribution")
+    return named if isinstance(named, str) else ""
 
 
 def _no_constant(name: str) -> float:

@@ -14,6 +14,7 @@ from factorloc.mapping.end_point import EndPointModel
 from factorloc.mapping.evidence import RateEvidence, ReflectionEvidence
 from factorloc.mapping.facade_bounds import FacadeBounds
 from factorloc.mapping.facade_map import FacadeMap, MapUncertainty
+from factorloc.mapping.facade_storage import is_facade_map, read_facade_map, write_facade_geojson, write_facade_map
 from factorloc.mapping.facade_visibility import SightLines
 from factorloc.mapping.facades import Facades
 from factorloc.mapping.fading_counts import FadingCounts
@@ -97,12 +98,16 @@ __all__ = [
     "estimate_prior",
     "is_pole_map",
     "local_maps",
+    "is_facade_map",
     "log_match",
     "make_sensor_model",
+    "read_facade_map",
     "read_map",
     "read_map_info",
     "read_pole_map",
     "top_view",
+    "write_facade_geojson",
+    "write_facade_map",
     "write_map",
     "write_pole_map",
 ]

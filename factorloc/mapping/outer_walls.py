@@ -12,6 +12,8 @@ __all__ = ["exposed_parts", "straight_walls"]
 
 Array = npt.NDArray[np.float64]
 
+_SLIVER = 1e-3  # m; what rounding leaves of a wall stands free of nothing
+
 
 def straight_walls(polygon: shapely.Polygon, tolerance: float) -> tuple[Array, Array]:
     """Walls of an outline and its courtyards, with nodes on a straight wall left out.
@@ -103,7 +105,7 @@ def exposed_parts(walls: Array, polygons: Sequence[shapely.Polygon], gap: float)
         covers.setdefault(row, []).append(polygons[number])
     for row, over in covers.items():
         rest = lines[row].difference(shapely.union_all(over))
-        pieces = [shapely.get_coordinates(piece) for piece in shapely.get_parts(rest) if piece.length > 0]
+        pieces = [shapely.get_coordinates(piece) for piece in shapely.get_parts(rest) if piece.length > _SLIVER]
         start = walls[row, 0] + gap * outward[row]
         shares = [np.clip((piece[[0, -1]] - start) @ along[row] / length[row] ** 2, 0.0, 1.0) for piece in pieces]
         parts[row] = np.sort(np.reshape(shares, (-1, 2)), axis=0)

@@ -46,11 +46,12 @@ def draw_facade_map(axes: Axes, facade_map: FacadeMap, *, label: str = "facades"
     label : str
         Of the facades in the legend.
     """
+    import shapely
     from matplotlib.collections import LineCollection, PathCollection
     from matplotlib.path import Path as Outline
 
     outlines = []
-    for polygon in facade_map.outlines:
+    for polygon in map(shapely.orient_polygons, facade_map.outlines):  # courtyards turn the other way, and stay empty
         rings = [np.asarray(ring.coords) for ring in (polygon.exterior, *polygon.interiors)]
         outlines.append(Outline.make_compound_path(*(Outline(ring[:, :2], closed=True) for ring in rings)))
     axes.add_collection(PathCollection(outlines, facecolor=_BUILDING, edgecolor="none", zorder=1))
