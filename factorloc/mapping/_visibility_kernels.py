@@ -98,7 +98,7 @@ def _hides(cell, piece, corners, first, last):
 
 
 @exact_kernel
-def surely_hidden(cells, pieces, owners, corners, firsts, out):
+def surely_hidden(cells, pieces, owners, corners, firsts, used, out):
     """Which walls are hidden from all of a region.
 
     Parameters
@@ -113,6 +113,8 @@ def surely_hidden(cells, pieces, owners, corners, firsts, out):
         Corners of convex cores, counter-clockwise.
     firsts : int64 (N + 1,)
         First corner of each core.
+    used : int64 (U,)
+        Cores to ask.
     out : bool (F,)
         True at first; false where a piece is not hidden from a cell by a single core.
     """
@@ -122,10 +124,11 @@ def surely_hidden(cells, pieces, owners, corners, firsts, out):
         guess = 0
         for c in range(len(cells)):
             hidden = False
-            for k in range(len(firsts) - 1):
-                core = (guess + k) % (len(firsts) - 1)  # what hid it from the last cell often does again
+            for k in range(len(used)):
+                place = (guess + k) % len(used)  # what hid it from the last cell often does again
+                core = used[place]
                 if _hides(cells[c], pieces[p], corners, firsts[core], firsts[core + 1]):
-                    hidden, guess = True, core
+                    hidden, guess = True, place
                     break
             if not hidden:
                 out[owners[p]] = False

@@ -16,6 +16,7 @@ from factorloc.intervals import Box
 from factorloc.mapping.building_outlines import BuildingOutlines
 from factorloc.mapping.facade_bounds import FacadeBounds
 from factorloc.mapping.facade_visibility import (
+    Cores,
     SightLines,
     certain_cores,
     faces_region,
@@ -246,9 +247,8 @@ class FacadeMap:
         facades = self.facades.select(rows)
         front = faces_region(FacadeBounds.of(facades, center), Box(region.bounds - center))
         rows, facades = rows[front], facades.select(front)
-        cores, owners = self._cores
-        reaches = (sight or SightLines()).blocked_up_to(self.heights[owners])
-        return np.asarray(rows[~hidden_from_region(facades, region, cores, reaches)], np.int64)
+        reaches = (sight or SightLines()).blocked_up_to(self.heights[self._cores.owners])
+        return np.asarray(rows[~hidden_from_region(facades, region, self._cores, reaches)], np.int64)
 
     def moved(self, origin: npt.ArrayLike) -> FacadeMap:
         """The same map with its origin at another point (x, y) of the present frame, m; its earthly frame is lost.
@@ -268,7 +268,7 @@ class FacadeMap:
         return outline_edges(self.outlines)
 
     @cached_property
-    def _cores(self) -> tuple[list[Array], npt.NDArray[np.int64]]:
+    def _cores(self) -> Cores:
         errors = np.full(len(self.outlines), np.nan)
         np.fmax.at(errors, self.facades.buildings, self.facades.shifts + self.facades.vertex_errors)
         return certain_cores(self.outlines, errors)

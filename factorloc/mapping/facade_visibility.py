@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -15,11 +16,12 @@ from factorloc.mapping._visibility_kernels import surely_hidden, visible_shares
 from factorloc.mapping.facade_bounds import FacadeBounds
 from factorloc.mapping.facades import Facades
 
-__all__ = ["SightLines", "certain_cores", "faces_region", "hidden_from_region", "outline_edges", "shares_seen"]
+__all__ = ["Cores", "SightLines", "certain_cores", "faces_region", "hidden_from_region", "outline_edges", "shares_seen"]
 
 Array = npt.NDArray[np.float64]
 
 _MARGIN = 1e-3  # m; cores shrink by this much more, and rounding cannot matter
+_SMALLEST = 0.01  # m^2; a smaller core hides nothing
 _FLAT = 1e-9  # share of its area by which a union may differ from its hull and count as convex
 
 
@@ -62,7 +64,43 @@ def shares_seen(position: npt.ArrayLike, facades: Facades, edges: Array) -> Arra
     return shares
 
 
-def certain_cores(polygons: Sequence[shapely.Polygon], errors: Array) -> tuple[list[Array], npt.NDArray[np.int64]]:
+@dataclass(frozen=True)
+class Cores:
+    """Convex insides of buildings.
+
+    Parameters
+    ----------
+    corners : ndarray, shape (M, 2)
+        Of all, one core after the other, counter-clockwise, m.
+    firsts : ndarray of int64, shape (N + 1,)
+        First corner of each, and one past the last.
+    owners : ndarray of int64, shape (N,)
+        Building of each.
+    """
+
+    corners: Array
+    firsts: npt.NDArray[np.int64]
+    owners: npt.NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.owners)
+
+    def polygon(self, number: int) -> shapely.Polygon:
+        """One of them."""
+        return shapely.Polygon(self.corners[self.firsts[number] : self.firsts[number + 1]])
+
+    @cached_property
+    def low(self) -> Array:
+        """Lowest x and y of each, (N, 2)."""
+        return np.minimum.reduceat(self.corners, self.firsts[:-1]) if len(self) else np.empty((0, 2))
+
+    @cached_property
+    def high(self) -> Array:
+        """Highest x and y of each, (N, 2)."""
+        return np.maximum.reduceat(self.corners, self.firsts[:-1]) if len(self) else np.empty((0, 2))
+
+
+def certain_cores(polygons: Sequence[shapely.Polygon], errors: Array) -> Cores:
     """Convex pieces of what is inside of buildings whatever errors their corners have.
 
     Every point of a true outline is within the error of one as drawn, along each axis, and so are all outlines on the
@@ -74,13 +112,6 @@ def certain_cores(polygons: Sequence[shapely.Polygon], errors: Array) -> tuple[l
         Buildings as drawn.
     errors : ndarray, shape (B,)
         Greatest error of their corners along each axis, m; NaN for buildings to leave out.
-
-    Returns
-    -------
-    cores : list of ndarray, shape (K, 2)
-        Corners, counter-clockwise, m.
-    owners : ndarray of int64
-        Building of each.
     """
     cores: list[Array] = []
     owners: list[int] = []
@@ -91,12 +122,14 @@ def certain_cores(polygons: Sequence[shapely.Polygon], errors: Array) -> tuple[l
         edges = outline_edges([polygon]).reshape(-1, 1, 2, 2)
         corners = edges + reach * np.array([(-1, -1), (-1, 1), (1, -1), (1, 1)])[None, :, None]
         blurred = shapely.convex_hull(shapely.multipoints(corners.reshape(len(edges), -1, 2)))
-        for part in shapely.get_parts(polygon.difference(shapely.union_all(blurred))):
+        inside = polygon.difference(shapely.union_all(blurred))
+        for part in shapely.get_parts(inside) if inside.area > _SMALLEST else ():
             for convex in _convex_parts(part):
                 ring = shapely.orient_polygons(shapely.convex_hull(convex)).exterior
                 cores.append(shapely.get_coordinates(ring)[:-1])
                 owners.append(number)
-    return cores, np.array(owners, np.int64)
+    firsts = np.cumsum([0, *(len(corners) for corners in cores)])
+    return Cores(np.concatenate([np.empty((0, 2)), *cores]), firsts.astype(np.int64), np.array(owners, np.int64))
 
 
 def _convex_parts(polygon: shapely.Polygon) -> Iterator[shapely.Polygon]:
@@ -129,7 +162,7 @@ def faces_region(bounds: FacadeBounds, region: Box) -> npt.NDArray[np.bool_]:
 
 
 def hidden_from_region(
-    facades: Facades, region: Box, cores: Sequence[Array], reaches: Array, cell: float = 2.5, piece: float = 4.0
+    facades: Facades, region: Box, cores: Cores, reaches: Array, cell: float = 2.5, piece: float = 4.0
 ) -> npt.NDArray[np.bool_]:
     """Which facades no point of a region can see, whatever errors the map has.
 
@@ -143,8 +176,8 @@ def hidden_from_region(
         In the frame of the region.
     region : Box, sides (x, y)
         Where the sensor may be, m.
-    cores : list of ndarray, shape (K, 2)
-        Convex insides of buildings, m.
+    cores : Cores
+        Convex insides of buildings.
     reaches : ndarray, shape (len(cores),)
         How far away each still hides everything behind it, m.
     cell, piece : float
@@ -157,14 +190,10 @@ def hidden_from_region(
     """
     hidden = np.zeros(len(facades), np.bool_)
     low, high = region.lo, region.hi
-    used = []
-    for corners, reach in zip(cores, reaches.tolist(), strict=True):
-        x, y = corners.T
-        far = math.hypot(max(x.max() - low[0], high[0] - x.min()), max(y.max() - low[1], high[1] - y.min()))
-        meets = x.min() <= high[0] and x.max() >= low[0] and y.min() <= high[1] and y.max() >= low[1]
-        if far <= reach and not meets:
-            used.append(corners)
-    if not used or not len(facades):
+    far = np.maximum(cores.high - low, high - cores.low)
+    meets = ((cores.low <= high) & (cores.high >= low)).all(1)
+    used = np.flatnonzero((np.hypot(far[:, 0], far[:, 1]) <= reaches) & ~meets)
+    if not len(used) or not len(facades):
         return hidden
     counts = np.maximum(np.ceil(facades.lengths / piece), 1).astype(np.int64)
     owners = np.repeat(np.arange(len(facades)), counts)
@@ -176,9 +205,8 @@ def hidden_from_region(
     around = np.array([(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)])
     pieces = (middle[:, :, None] + error[:, None, None, None] * around).reshape(len(owners), 8, 2)
     hidden[:] = True
-    firsts = np.cumsum([0, *(len(corners) for corners in used)])
     cells = _cells(low, high, cell)
-    surely_hidden(cells, np.ascontiguousarray(pieces), owners, np.concatenate(used), firsts.astype(np.int64), hidden)
+    surely_hidden(cells, np.ascontiguousarray(pieces), owners, cores.corners, cores.firsts, used, hidden)
     return hidden
 
 
