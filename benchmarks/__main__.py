@@ -49,7 +49,7 @@ RUNS = {
     "mcl_convergence": Run("mcl_convergence"),
     "mcl_speed": Run("mcl_speed"),
     "maps_large": Run("maps_large"),
-    "intervals": Run("intervals"),
+    "interval_speed": Run("interval_speed"),
     "interval_containment": Run("interval_containment"),
 }
 """Every published table and ratio, by the name of its files."""

@@ -1,6 +1,6 @@
 """Interval loops without outward rounding, compiled like the package's own: what those are measured against."""
 
-from factorloc._jit import exact_kernel
+from factorloc._jit import exact_kernel, kernel
 
 
 @exact_kernel(allocates=False)
@@ -22,3 +22,20 @@ def plain_move(xl, xh, yl, yh, cl, ch, sl, sh, al, ah, bl, bh, ul, uh, vl, vh):
         p, q = plain_multiply(xl[i], xh[i], sl, sh)
         r, s = plain_multiply(yl[i], yh[i], cl, ch)
         vl[i], vh[i] = p + r + bl, q + s + bh
+
+
+@kernel(allocates=False)
+def plain_pass(points, c, s, x, y, out):
+    """Turn and shift every point of a scan once and write its squared range: one plain pass over the points."""
+    for i in range(points.shape[0]):
+        u = c * points[i, 0] - s * points[i, 1] + x
+        v = s * points[i, 0] + c * points[i, 1] + y
+        out[i] = u * u + v * v + points[i, 2] * points[i, 2]
+
+
+@kernel(allocates=False)
+def scattered_increments(where, counts, times):
+    """Add one to scattered cells, so many times over: what an accumulator costs at least."""
+    for _ in range(times):
+        for i in range(where.size):
+            counts[where[i]] += 1

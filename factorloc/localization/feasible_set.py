@@ -13,6 +13,7 @@ tight, as supporters are of its neighbours too, and so would be the first and th
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -22,13 +23,15 @@ from pydantic import Field
 from scipy import ndimage
 
 from factorloc.config import Block
+from factorloc.errors import GeometryError
 from factorloc.intervals import Interval
+from factorloc.localization._cell_kernels import convex_hull, mark_polygon
 from factorloc.localization._facade_kernels import count_satisfied
 from factorloc.localization.correspondences import Correspondence
 from factorloc.localization.wall_lines import WallLines
 from factorloc.result import Bounds
 
-__all__ = ["FeasibleSet", "FeasibleSettings", "intersect_correspondences"]
+__all__ = ["FeasibleSet", "FeasibleSettings", "hull_of", "hull_of_points", "intersect_correspondences"]
 
 Array = npt.NDArray[np.float64]
 
@@ -45,6 +48,8 @@ class FeasibleSettings(Block):
     relaxed : float
         Part of the correspondences that may be false, rounded down. The smallest number that leaves a pose is *not*
         sound, and not on offer.
+    most_false : int
+        No more of them may be false than this, however many there are.
     orthogonal : {"chain", "none"}
         Second strip of each: along the wall, by the whole row of walls in line with it, or not at all. The facade alone
         would be too tight: supporters are of its neighbours too.
@@ -55,9 +60,10 @@ class FeasibleSettings(Block):
     """
 
     relaxed: float = Field(1.0 / 3.0, ge=0, lt=1)
+    most_false: int = Field(2, ge=0)
     orthogonal: Literal["chain", "none"] = "chain"
     slice: float = Field(math.radians(0.25), gt=0)
-    cells: int = Field(48, ge=4, le=512)
+    cells: int = Field(96, ge=4, le=512)
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +74,8 @@ class FeasibleSet:
     ----------
     bounds : Bounds
         Orientation interval and convex polygons; without polygons, if the assumptions are violated.
+    slices : tuple of Bounds
+        The same by narrow slices of headings: heading and position belong together, and a motion moves them so.
     conflicts : tuple of int
         Facades whose correspondences fail where most hold.
     correspondences, allowed, failed : int
@@ -75,6 +83,7 @@ class FeasibleSet:
     """
 
     bounds: Bounds
+    slices: tuple[Bounds, ...]
     conflicts: tuple[int, ...]
     correspondences: int
     allowed: int
@@ -87,7 +96,10 @@ class FeasibleSet:
 
 
 def intersect_correspondences(
-    found: tuple[Correspondence, ...], walls: WallLines, start: Bounds, settings: FeasibleSettings | None = None
+    found: tuple[Correspondence, ...],
+    walls: WallLines,
+    start: Bounds | Sequence[Bounds],
+    settings: FeasibleSettings | None = None,
 ) -> FeasibleSet:
     """Intersect correspondences over slices of headings and cells of positions, all but some of them.
 
@@ -104,16 +116,18 @@ def intersect_correspondences(
         Of one scan.
     walls : WallLines
         The map.
-    start : Bounds
-        Where the body may be; not empty.
+    start : Bounds or sequence of Bounds
+        Where the body may be: a set, or slices of one that may overlap; not empty.
     settings : FeasibleSettings, optional
         See there.
     """
     settings = settings or FeasibleSettings()
-    allowed = math.floor(settings.relaxed * len(found) + 1e-9)
+    allowed = min(math.floor(settings.relaxed * len(found) + 1e-9), settings.most_false)
+    given = (start,) if isinstance(start, Bounds) else tuple(start)
+    whole = start if isinstance(start, Bounds) else hull_of(given)
     if not found:
-        return FeasibleSet(start, (), 0, 0, 0)
-    corners = np.concatenate([polygon for polygon in start.polygons if len(polygon)])
+        return FeasibleSet(whole, given, (), 0, 0, 0)
+    corners = np.concatenate(whole.polygons)
     middle = 0.5 * (corners.min(0) + corners.max(0))
     facades = np.array([one.facade for one in found])
     strongest = int(facades[np.argmax([one.votes for one in found])])
@@ -122,26 +136,49 @@ def intersect_correspondences(
     low, high = local.min(0) - _SLACK, local.max(0) + _SLACK
     step = float((high - low).max()) / settings.cells
     shape = np.maximum(np.ceil((high - low) / step).astype(np.int64), 1)
-    slices = max(math.ceil((start.orientation[1] - start.orientation[0]) / settings.slice), 1)
-    edges = np.linspace(start.orientation[0], start.orientation[1], slices + 1)
+    slices = max(math.ceil((whole.orientation[1] - whole.orientation[0]) / settings.slice), 1)
+    edges = np.linspace(whole.orientation[0], whole.orientation[1], slices + 1)
     strips = _Strips(found, walls, frame, edges, float(np.hypot(*(0.5 * (high - low)))))
     across = strips.along_walls(walls, settings.orthogonal == "chain")
     pairs, boxes = strips.of_buildings(walls)
     counts = np.empty((slices, shape[1], shape[0]), np.int32)
     room = np.empty(len(found), np.int64), np.empty(len(found), np.int64), np.empty(shape[0] + 1, np.int32)
-    whole = strips.widened(strips.shift)
-    count_satisfied(whole, across, boxes, pairs, low[0], low[1], step, *room, counts)
-    counts[:, ~_cells_of(start, frame, low, step, shape)] = -1
+    normal = strips.widened(strips.shift)
+    count_satisfied(normal, across, boxes, pairs, low[0], low[1], step, *room, counts)
+    counts[~_cells_of(given, edges, frame, low, step, shape)] = -1
     best = int(counts.max())
     failed = len(found) - max(best, 0)
-    conflicts = () if failed == 0 else _conflicts(counts, whole, across, low, step, facades)
+    conflicts = () if failed == 0 else _conflicts(counts, normal, across, low, step, facades)
     kept = counts >= len(found) - allowed
     if not kept.any():
-        return FeasibleSet(Bounds(start.orientation, ()), conflicts, len(found), allowed, failed)
+        return FeasibleSet(Bounds(whole.orientation, ()), (), conflicts, len(found), allowed, failed)
     turns = np.flatnonzero(kept.any((1, 2)))
     orientation = float(edges[turns[0]]), float(edges[turns[-1] + 1])
-    polygons = _polygons(kept, frame, low, step)
-    return FeasibleSet(Bounds(orientation, polygons), conflicts, len(found), allowed, failed)
+    bounds = Bounds(orientation, _polygons(kept.any(0), frame, low, step))
+    parts = tuple(Bounds((float(edges[j]), float(edges[j + 1])), _polygons(kept[j], frame, low, step)) for j in turns)
+    return FeasibleSet(bounds, parts, conflicts, len(found), allowed, failed)
+
+
+def hull_of(slices: Sequence[Bounds]) -> Bounds:
+    """All headings of some slices, and one convex polygon around all their positions.
+
+    Raises
+    ------
+    GeometryError
+        If there is none.
+    """
+    if not slices:
+        raise GeometryError("bounds: no slice is left; no pose is possible")
+    headings = np.array([one.orientation for one in slices])
+    corners = np.concatenate([polygon for one in slices for polygon in one.polygons])
+    return Bounds((float(headings[:, 0].min()), float(headings[:, 1].max())), (hull_of_points(corners),))
+
+
+def hull_of_points(points: Array) -> Array:
+    """Corners of the convex hull of points, counter-clockwise."""
+    out = np.empty((2 * len(points) + 2, 2))
+    order = np.lexsort((points[:, 1], points[:, 0]))
+    return out[: convex_hull(points, order, out)].copy()
 
 
 @dataclass(frozen=True)
@@ -267,21 +304,18 @@ def _pairs(walls: WallLines, facades: npt.NDArray[np.int64]) -> npt.NDArray[np.i
 
 
 def _cells_of(
-    start: Bounds, frame: _Frame, low: Array, step: float, shape: npt.NDArray[np.int64]
+    given: Sequence[Bounds], edges: Array, frame: _Frame, low: Array, step: float, shape: npt.NDArray[np.int64]
 ) -> npt.NDArray[np.bool_]:
-    """Cells that meet a polygon of the start, shape (Y, X)."""
-    x, y = (low[axis] + step * (np.arange(shape[axis]) + 0.5) for axis in range(2))
-    met = np.zeros((shape[1], shape[0]), np.bool_)
-    for polygon in start.polygons:
-        if not len(polygon):
-            continue
-        corners = frame.into(polygon)
-        inside = np.ones_like(met)
-        for begin, end in zip(corners, np.roll(corners, -1, 0), strict=True):
-            a, b = end[1] - begin[1], begin[0] - end[0]
-            limit = a * begin[0] + b * begin[1] + (0.5 * step + _SLACK) * (abs(a) + abs(b)) + _SLACK
-            inside &= a * x[None, :] + b * y[:, None] <= limit
-        met |= inside
+    """Cells that meet a polygon of some slices, whose headings meet those of the cells; shape (J, Y, X)."""
+    met = np.zeros((len(edges) - 1, shape[1], shape[0]), np.bool_)
+    flags = np.empty((shape[1], shape[0]), np.bool_)
+    for one in given:
+        first = max(int(np.searchsorted(edges, one.orientation[0] - _SLACK, "right")) - 1, 0)
+        last = int(np.searchsorted(edges, one.orientation[1] + _SLACK, "left"))
+        flags[:] = False
+        for polygon in one.polygons:
+            mark_polygon(frame.into(polygon), low[0], low[1], step, _SLACK, flags)
+        met[first:last] |= flags
     return met
 
 
@@ -308,16 +342,13 @@ def _outermost(cells: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
 
 
 def _polygons(kept: npt.NDArray[np.bool_], frame: _Frame, low: Array, step: float) -> tuple[Array, ...]:
-    from scipy.spatial import ConvexHull
-
-    labels, number = ndimage.label(kept.any(0), _NEIGHBOURS)
+    labels, number = ndimage.label(kept, _NEIGHBOURS)
     polygons = []
     for one in range(1, number + 1):
         cells = _outermost(labels == one)
         corners = np.concatenate([cells[:, ::-1] + np.array(at) for at in ((0, 0), (0, 1), (1, 0), (1, 1))])
-        hull = corners[ConvexHull(corners).vertices] * step + low
-        centre = hull.mean(0)
+        hull = hull_of_points(corners.astype(np.float64)) * step + low
         # Rounding moves corners by less than the slack; the frame keeps the order.
-        outward = hull + _SLACK * np.sign(hull - centre)
+        outward = hull + _SLACK * np.sign(hull - hull.mean(0))
         polygons.append(frame.out(outward))
     return tuple(polygons)

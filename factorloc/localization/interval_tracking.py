@@ -18,7 +18,13 @@ from factorloc.geometry import se2
 from factorloc.intervals import Interval, rotate
 from factorloc.localization.bounded_least_squares import BoundedEstimate, LeastSquaresSettings, estimate_in_bounds
 from factorloc.localization.correspondences import Correspondences, CorrespondenceSettings, find_correspondences
-from factorloc.localization.feasible_set import FeasibleSet, FeasibleSettings, intersect_correspondences
+from factorloc.localization.feasible_set import (
+    FeasibleSet,
+    FeasibleSettings,
+    hull_of,
+    hull_of_points,
+    intersect_correspondences,
+)
 from factorloc.localization.wall_lines import WallLines
 from factorloc.mapping.facade_points import FacadePoints
 from factorloc.result import Bounds, Result, StopReason
@@ -151,7 +157,7 @@ def localize_scan(
     start: Bounds,
     guess: npt.ArrayLike | None = None,
     *,
-    within: Bounds | None = None,
+    within: Bounds | Sequence[Bounds] | None = None,
     prior: PosePrior | None = None,
     settings: FacadeSettings | None = None,
 ) -> FacadeStep:
@@ -167,8 +173,8 @@ def localize_scan(
         Where the body may be when facades are associated.
     guess : array_like, shape (3,), optional
         Where the search for the most likely pose begins; the middle of the feasible set by default.
-    within : Bounds, optional
-        Where the body may be; the start by default.
+    within : Bounds or sequence of Bounds, optional
+        Where the body may be, as a set or as slices of one; the start by default.
     prior : PosePrior, optional
         What else is known.
     settings : FacadeSettings, optional
@@ -227,13 +233,10 @@ def widen(bounds: Bounds, position: float, heading: float) -> Bounds:
 
 def _swept(polygon: Array, low: Array, high: Array) -> Array:
     """Minkowski sum of a convex polygon and a box, rounded outwards."""
-    from scipy.spatial import ConvexHull
-
     slack = 1e-12 * (1.0 + float(np.abs(polygon).max()))
     corners = np.array([[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]])
     corners += slack * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-    swept = (polygon[:, None] + corners).reshape(-1, 2)
-    return np.asarray(swept[ConvexHull(swept).vertices])
+    return hull_of_points((polygon[:, None] + corners).reshape(-1, 2))
 
 
 def track_facades(
@@ -286,20 +289,22 @@ def track_facades(
         errors = np.asarray(motion_errors, np.float64)
         if errors.shape != moves.shape:
             raise GeometryError(f"motion_errors: shape {errors.shape}; expected {moves.shape}, as the motions")
+    slices: tuple[Bounds, ...] = (start,)
     known, pose = start, None if guess is None else np.asarray(guess, np.float64)
     covariance = np.diag([settings.prior_position**2] * 2 + [settings.prior_heading**2])
     steps, poses, covariances, sets = [], [], [], []
     for k, points in enumerate(scans):
         prior = None
         if k:
-            known = propagate(known, moves[k - 1], errors[k - 1])
+            slices = tuple(propagate(one, moves[k - 1], errors[k - 1]) for one in slices)
+            known = hull_of(slices)
             if pose is not None:
                 pose = se2.compose(pose, moves[k - 1])
                 prior = PosePrior(pose, covariance)
         around = widen(known, settings.margin_position, settings.margin_heading) if k else known
-        step = localize_scan(points, walls, around, pose, within=known, prior=prior, settings=settings)
+        step = localize_scan(points, walls, around, pose, within=slices, prior=prior, settings=settings)
         if step.estimate is not None:
-            known, pose = step.feasible.bounds, step.estimate.pose
+            slices, known, pose = step.feasible.slices, step.feasible.bounds, step.estimate.pose
         pose = known.nearest(middle_of(known) if pose is None else pose)
         steps.append(step)
         poses.append(pose)

@@ -2,6 +2,8 @@
 
 The scene is a scan of 100 000 points with bounded range and bearing errors among 200 facades. With codac installed, its
 Python calls are timed for some of the same items in a process of its own (it changes the rounding of its process).
+The whole localization is timed for a scan of as many returns in a town of 500 facades, beside one plain pass over its
+points.
 """
 
 from __future__ import annotations
@@ -15,9 +17,10 @@ from functools import partial
 
 import numpy as np
 
-from benchmarks._plain_interval_kernels import plain_move
+from benchmarks._plain_interval_kernels import plain_move, scattered_increments
 from benchmarks.bars import Bar, plot_bars
 from benchmarks.harness import Benchmark, arguments, one_line_errors
+from benchmarks.interval_pipeline import FULL, Pipeline
 from benchmarks.timing import interleave, ratio, spread
 from factorloc.errors import MapError
 from factorloc.intervals import (
@@ -34,20 +37,29 @@ from factorloc.intervals import (
     sector,
 )
 from factorloc.intervals._elementary_kernels import move_arrays
+from factorloc.intervals.hough import HoughAccumulator
 
 MOVE, PLAIN = "rotation and translation: rounded outwards", "rotation and translation: unrounded"
 SECTOR, STRIP, HEADING, CLIP = "sector to box", "box against facade", "heading contraction", "polygon clip"
+HOUGH, INCREMENTS = "box and direction: votes", "box and direction: plain increment"
 RELAXED, ANGLE, POLAR = "relaxed intersection of 20", "angle of a box", "polar contraction"
 MOVE_CALL = "rotation and translation: whole call"
 
 PANELS = {
     "boxes of points": (MOVE, PLAIN, MOVE_CALL, SECTOR, ANGLE, STRIP),
     "contractions": (HEADING, POLAR, CLIP, RELAXED),
+    "Hough transform": (HOUGH, INCREMENTS),
 }
 """Bars drawn together."""
 
 MOST_ROUNDING = 2.0
 """Goal: time of the loop with outward rounding over that without."""
+
+MOST_VOTES = 8.0
+"""Goal: time of the Hough transform over that of one scattered increment for each box and direction."""
+
+MOST_MILLISECONDS = 50.0
+"""Goal: the pipeline for a scan, on one core."""
 
 LEAST_SPEED = 100.0
 """Goal: codac's time for an item over the package's."""
@@ -95,11 +107,11 @@ class Loop:
 @one_line_errors
 def main(argv: list[str] | None = None) -> int:
     """Run the benchmark; the exit code is 1 if a goal is missed."""
-    given = arguments("intervals", __doc__ or "", argv, points=100_000, facades=200, rounds=0)
+    given = arguments("interval_speed", __doc__ or "", argv, points=100_000, facades=200, town_facades=500, rounds=0)
     points, facades = given.options["points"], given.options["facades"]
     rounds = given.options["rounds"] or (9 if given.quick else 41)
     settings = {"points": points, "facades": facades, "rounds": rounds, "quick": given.quick, "threads": 1}
-    bench = Benchmark("intervals", settings)
+    bench = Benchmark("interval_speed", settings)
     loops = all_loops(np.random.default_rng(0), points, facades)
     seconds = interleave({name: loop.run for name, loop in loops.items()}, rounds)
     nanoseconds = {name: times / loops[name].items * 1e9 for name, times in seconds.items()}
@@ -109,6 +121,12 @@ def main(argv: list[str] | None = None) -> int:
         panel = next(panel for panel, names in PANELS.items() if name in names)
         bars[panel].append(Bar(name, float(np.median(times)), spread(times)))
     bench.goal("rotation and translation: rounded / unrounded", ratio(seconds, MOVE, PLAIN), "1", most=MOST_ROUNDING)
+    bench.goal("Hough transform / as many increments", ratio(seconds, HOUGH, INCREMENTS), "1", most=MOST_VOTES)
+    whole = interleave(Pipeline.of(points, given.options["town_facades"]).runs(), rounds)
+    for name, times in whole.items():
+        bench.figure(name, float(np.median(times)) * 1e3, "ms", spread(times * 1e3))
+    bench.goal(FULL, float(np.median(whole[FULL])) * 1e3, "ms", most=MOST_MILLISECONDS)
+    bars["a scan"] = [Bar(name, float(np.median(times)) * 1e6, spread(times * 1e6)) for name, times in whole.items()]
     theirs = codac_seconds()
     settings["codac"] = "timed" if theirs else "not installed: its goals are not judged"
     pairs = {"sector": SECTOR, "move": MOVE_CALL, "polar": POLAR}
@@ -155,6 +173,9 @@ def all_loops(rng: np.random.Generator, points: int, facades: int) -> dict[str, 
     near = Strips(np.cos(alpha), np.sin(alpha), offsets)
     wide = Box.of(x.inflate(0.3), y.inflate(0.3), ranges, bearings)
     start = ConvexPolygon.from_box(Box.around([0.0, 0.0], 2.0))
+    line = local.select(np.arange(5000))
+    cells = rng.integers(0, 360_000, 5000)
+    counts = np.zeros(360_000, np.int32)
     several = [Box.of(Interval.around(r + shift, 0.5)) for shift in rng.uniform(-0.6, 0.6, 20)]
     return {
         MOVE: Loop(partial(move_arrays, *bounds, *motion, *rounded), points),
@@ -166,6 +187,18 @@ def all_loops(rng: np.random.Generator, points: int, facades: int) -> dict[str, 
         HEADING: Loop(partial(Heading().contract, seen), points),
         POLAR: Loop(partial(Polar().contract, wide), points),
         CLIP: Loop(partial(start.clip, near), 2 * facades),
+        HOUGH: Loop(
+            partial(
+                HoughAccumulator.from_boxes,
+                line,
+                Interval(0.0, 0.5 * np.pi - 1e-9),
+                Interval(-50.0, 50.0 - 1e-9),
+                alpha_step=np.pi / 720,
+                d_step=0.1,
+            ),
+            5000 * 360,
+        ),
+        INCREMENTS: Loop(partial(scattered_increments, cells, counts, 360), 5000 * 360),
         RELAXED: Loop(partial(relaxed_intersection, several, 4), points),
     }
 
