@@ -293,7 +293,7 @@ def summarize(bench: Benchmark, settings: SpeedSettings) -> None:
         kind, _, rival = goal.partition(" / ")
         suffix = f": {kind}: {TIME}, factorloc / {rival}"
         found = {name: value for name, (value, _) in bench.figures.items() if name.endswith(suffix)}
-        if not found:
+        if kind not in KINDS or rival not in (PLAIN, TREE):
             raise ConfigError(f"goals: '{goal}'; there is no such competitor")
         for where, in_space in (("in the plane", False), ("in space", True)):
             values = [value for name, value in found.items() if name.startswith(IN_SPACE) == in_space]

@@ -128,8 +128,12 @@ def test_a_call_of_the_tree_takes_its_arrays(office: Scene) -> None:
 
 def test_a_goal_without_competitor_is_an_error() -> None:
     settings = read_config(mcl_speed.SETTINGS, mcl_speed.SpeedSettings)
-    with pytest.raises(ConfigError, match="no such competitor"):
-        mcl_speed.summarize(Benchmark("mcl_speed", {}), settings)
+    bench = Benchmark("mcl_speed", {})
+    mcl_speed.summarize(bench, settings)
+    assert not bench.goals, "of a drive in space alone the likelihood field is not timed"
+    for wrong in (f"{DECAY} / beluga", f"ray casting / {PLAIN}"):
+        with pytest.raises(ConfigError, match="no such competitor"):
+            mcl_speed.summarize(bench, settings.replaced(goals={wrong: 0.5}))
 
 
 def test_goals_take_the_worst_case_apart_in_plane_and_space() -> None:
