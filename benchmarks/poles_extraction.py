@@ -29,6 +29,7 @@ from benchmarks.poles_extraction_picture import extraction_picture
 from benchmarks.poles_extraction_scenes import Stretch, street_stretches
 from benchmarks.timing import interleave, ratio, spread
 from factorloc.config import Block, read_config
+from factorloc.errors import ConfigError
 from factorloc.geometry import se3
 from factorloc.mapping.grid import Grid
 from factorloc.mapping.pole_extractor import PoleExtractor
@@ -151,34 +152,32 @@ class Score:
 @one_line_errors
 def main(argv: list[str] | None = None) -> int:
     """Run the benchmark; the exit code is 1 if a goal is missed."""
-    given = arguments("poles_extraction", __doc__ or "", argv, settings=str(SETTINGS), untimed=0)
+    given = arguments("poles_extraction", __doc__ or "", argv, settings=str(SETTINGS), part="all")
     settings = read_config(given.options["settings"], ExtractionSettings)
+    part = given.options["part"]
+    if part not in ("all", "scores", "times"):
+        raise ConfigError(f"--part {part}: not all, scores or times")
     facts = {"quick": given.quick, "threads": given.threads, "truth": "of our own simulation", **settings.model_dump()}
     bench = Benchmark("poles_extraction", {**facts, "set-ups": {k: v.model_dump() for k, v in SET_UPS.items()}})
     scores: dict[str, dict[str, Score]] = {}
     example: tuple[Stretch, dict[str, Poles]] | None = None
-    for lidar in settings.lidars:
+    for lidar in settings.lidars if part != "times" else settings.lidars[:1]:
         scores[lidar] = {name: Score() for name in SET_UPS}
-        for stretch in _stretches(lidar, settings, given.quick):
+        for stretch in _stretches(lidar, settings, given.quick, 1 if part == "times" else settings.stretches):
             found = {name: _extract(stretch, name, scores[lidar][name], settings) for name in SET_UPS}
             example = example or (stretch, found)
     assert example is not None
-    for lidar, of_lidar in scores.items():
-        for name, score in of_lidar.items():
-            add_score(bench, f"{lidar}, {name}", score)
-    first = scores[settings.lidars[0]]
-    bench.goal("evidence: recall less published", first[EVIDENCE].recall - first[PUBLISHED].recall, "1", least=0)
-    precision = first[EVIDENCE].precision - first[PUBLISHED].precision
-    bench.goal("evidence: precision less published", precision, "1", least=0)
-    if not given.options["untimed"]:
+    if part != "times":
+        add_scores(bench, scores)
+    if part != "scores":
         add_times(bench, example[0], settings, given)
     return bench.finish(given, extraction_picture(scores, *example))
 
 
-def _stretches(lidar: str, settings: ExtractionSettings, quick: bool) -> Iterator[Stretch]:
-    seeds = settings.seeds[:1] if quick else settings.seeds
+def _stretches(lidar: str, settings: ExtractionSettings, quick: bool, count: int) -> Iterator[Stretch]:
+    seeds = settings.seeds[:1] if quick or count == 1 else settings.seeds
     console = new_console()
-    most = min(2, settings.stretches) if quick else settings.stretches
+    most = min(2, count) if quick else count
     for seed in seeds:
         stretches = street_stretches(settings.street, LIDARS[lidar](), seed, 5.0, settings.stretches, settings.speed)
         for number, stretch in enumerate(itertools.islice(stretches, most), 1):
@@ -193,6 +192,18 @@ def _extract(stretch: Stretch, name: str, score: Score, settings: ExtractionSett
     poles = extractor.extract(part.scans, part.poses)
     score.add(poles, part, extractor.window(part.centre), set_up.least_height, settings)
     return poles
+
+
+def add_scores(bench: Benchmark, scores: Mapping[str, Mapping[str, Score]]) -> None:
+    """Add the figures of all set-ups and lidars, and what makes the evidence worth its place."""
+    for lidar, of_lidar in scores.items():
+        for name, score in of_lidar.items():
+            add_score(bench, f"{lidar}, {name}", score)
+        more = of_lidar[EVIDENCE].recall - max(of_lidar[name].recall for name in SET_UPS if "published" in name)
+        bench.goal(f"{lidar}, {EVIDENCE}: recall less the best published", more, "1", least=0)
+        precisions = [of_lidar[name].precision for name in SET_UPS if "published" in name]
+        more = of_lidar[EVIDENCE].precision - np.nanmax([*precisions, 0.0])
+        bench.goal(f"{lidar}, {EVIDENCE}: precision less the best published", more, "1", least=0)
 
 
 def add_score(bench: Benchmark, name: str, score: Score) -> None:

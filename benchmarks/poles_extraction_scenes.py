@@ -93,7 +93,9 @@ def street_stretches(
         m/s.
     """
     scene = street_scene(street, seed)
-    drive = simulate_drive(scene.world, street_route(street, speed), lidar, seed=seed, period=lidar.rotation_period)
+    route = street_route(street, speed)
+    period = lidar.rotation_period
+    drive = simulate_drive(scene.world, route, lidar, seed=seed, period=period, keep_scans=False)
     assert drive.truth is not None
     truth = true_poles(scene)
     rows = segments(drive.truth, length, drive.truth.length / (count + 1))

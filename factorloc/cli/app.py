@@ -15,6 +15,7 @@ from factorloc.cli.evaluate_command import evaluate
 from factorloc.cli.info_command import info
 from factorloc.cli.localize_command import localize
 from factorloc.cli.map_commands import map_app
+from factorloc.cli.pole_command import poles
 from factorloc.cli.simulate_command import simulate
 from factorloc.errors import FactorlocError, FactorlocWarning
 
@@ -30,6 +31,8 @@ app = typer.Typer(
 
     [green]factorloc map build intel-corrected.log.gz --scans even -o intel.h5[/green]
 
+    [green]factorloc map poles kitti/sequences/07 -o poles.geojson[/green]
+
     [green]factorloc localize intel.h5 intel.clf.bz2 --truth intel-corrected.log.gz --scans odd[/green]
 
     [green]factorloc simulate street -o world[/green]   a street in space, as a KITTI sequence
@@ -43,6 +46,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+map_app.command()(poles)
 app.add_typer(map_app, name="map")
 app.command()(localize)
 app.command()(evaluate)

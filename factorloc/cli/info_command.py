@@ -13,9 +13,11 @@ __all__ = ["info"]
 
 
 def info(
-    path: Annotated[Path, typer.Argument(help="A map file, a building map, a recording, or the folder of a run.")],
+    path: Annotated[
+        Path, typer.Argument(help="A map, a map of poles or of buildings, a recording, or the folder of a run.")
+    ],
 ) -> None:
-    """Tell what a map, a building map, a recording or a run holds.
+    """Tell what a map, a recording or a run holds.
 
     [bold]Examples[/bold]
 
@@ -25,12 +27,17 @@ def info(
 
     [green]factorloc info intel.clf.bz2[/green]
 
+    [green]factorloc info poles.geojson[/green]
+
     [green]factorloc info results/latest[/green]
     """
     from factorloc.datasets import BUILDING_READERS, READERS
+    from factorloc.mapping import is_pole_map
 
     if path.is_dir() and (path / "run.json").exists():
         _show("run", _run_facts(path))
+    elif is_pole_map(path):
+        _show("pole map", _pole_facts(path))
     elif path.suffix in (".h5", ".hdf5"):
         _show(*_map_facts(path))
     elif path.is_file() and any(known.matches(path) for known in BUILDING_READERS):
@@ -86,6 +93,30 @@ def _building_facts(path: Path) -> dict[str, str]:
         **({"notes": "; ".join(found.notes)} if found.notes else {}),
         **({"attribution": found.attribution} if found.attribution else {}),
     }
+
+
+def _pole_facts(path: Path) -> dict[str, str]:
+    import numpy as np
+
+    from factorloc.mapping import read_pole_map
+
+    found = read_pole_map(path)
+    place, rates = found.georeference, found.detection_rates
+    facts = {"poles": str(len(found)), "frame": found.frame}
+    if len(found):
+        low, high = found.positions.min(0), found.positions.max(0)
+        facts["from"] = ", ".join(f"{value:.2f}" for value in low) + " m"
+        facts["to"] = ", ".join(f"{value:.2f}" for value in high) + " m"
+        facts["widths"] = f"{found.poles.widths.min():.2f} to {found.poles.widths.max():.2f} m"
+        if np.isfinite(rates).any():
+            facts["found where in view"] = f"{np.nanmean(rates):.0%} of the times"
+    facts["sessions"] = ", ".join(found.sessions)
+    facts["coordinate system"] = "none: local coordinates only"
+    if place is not None:
+        east, north, yaw = place.T_crs_map.tolist()
+        facts["coordinate system"] = place.crs
+        facts["origin"] = f"east {east:.3f} m, north {north:.3f} m, x axis {np.degrees(yaw):.2f} deg from east"
+    return facts | {f"provenance: {name}": value for name, value in found.provenance.items()}
 
 
 def _drive_facts(path: Path) -> dict[str, str]:

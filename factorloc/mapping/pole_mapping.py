@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 
 from factorloc.config import Block
 from factorloc.errors import MapError
+from factorloc.mapping.georeference import Georeference
 from factorloc.mapping.local_maps import LocalMap, local_maps, segments
 from factorloc.mapping.pole_map import PoleMap
 from factorloc.mapping.pole_settings import PoleSettings
@@ -208,7 +209,12 @@ class PoleMapper:
         fraction = len(np.unique(np.concatenate(used))) / len(places) if used else 0.0
         self._sessions.append(_Session(name, trajectory, maps, contributes, fraction))
 
-    def finish(self, frame: str = "map", provenance: dict[str, str] | None = None) -> PoleMap:
+    def finish(
+        self,
+        frame: str = "map",
+        provenance: dict[str, str] | None = None,
+        georeference: Georeference | None = None,
+    ) -> PoleMap:
         """Make the map.
 
         Parameters
@@ -217,6 +223,8 @@ class PoleMapper:
             Name of its frame.
         provenance : dict of str to str, optional
             Where it comes from.
+        georeference : Georeference, optional
+            Where on Earth the frame lies.
 
         Raises
         ------
@@ -246,4 +254,4 @@ class PoleMapper:
                 seen[:, column] += hit
                 in_view[:, column] += hit | each.covers(poles.positions, margin)
         names = tuple(session.name for session in self._sessions)
-        return PoleMap(poles, seen, in_view, names, frame, provenance=provenance or {})
+        return PoleMap(poles, seen, in_view, names, frame, georeference, provenance or {})

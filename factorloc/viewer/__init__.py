@@ -9,6 +9,7 @@ from factorloc.viewer.error_plot import TimedErrors, plot_errors_over_time
 from factorloc.viewer.facade_plot import draw_facade_map, plot_facade_map
 from factorloc.viewer.figure_file import FIGURE_KINDS, save_figure
 from factorloc.viewer.map_plots import plot_error_coloured_path, plot_map_and_trajectories
+from factorloc.viewer.pole_plots import plot_pole_map
 from factorloc.viewer.scan_plot import View, plot_scan
 from factorloc.viewer.viewer import NullViewer, Viewer
 
@@ -24,6 +25,7 @@ __all__ = [
     "plot_errors_over_time",
     "plot_facade_map",
     "plot_map_and_trajectories",
+    "plot_pole_map",
     "plot_scan",
     "save_figure",
 ]
