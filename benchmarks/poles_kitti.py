@@ -14,8 +14,9 @@ from __future__ import annotations
 import itertools
 import json
 import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -28,14 +29,24 @@ from factorloc.config import Block, read_config
 from factorloc.errors import DataError
 from factorloc.files import write_text
 from factorloc.geometry import se2, se3
+from factorloc.mapping.brick_statistics import BrickStatistics
 from factorloc.mapping.local_maps import LocalMap, local_maps
 from factorloc.mapping.pole_map import PoleMap
 from factorloc.mapping.pole_mapping import PoleMapper, PoleMappingSettings
+from factorloc.mapping.poles import Poles
+from factorloc.mapping.top_view import top_view
 from factorloc.trajectory import Trajectory
+from factorloc.viewer import plot_pole_map
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Array = npt.NDArray[np.float64]
 
 SETTINGS = Path(__file__).with_name("poles_kitti.json")
+
+_EDGE = 0.2  # m; cells of the picture
+_RIM = 5.0  # m around the poles that the picture shows
 
 
 class OdometryNoise(Block):
@@ -87,10 +98,10 @@ def main(argv: list[str] | None = None) -> int:
     settings = read_config(given.options["settings"], PolesKittiSettings)
     frames = read_frames(given.data, settings.range_limits)
     even, odd = frames.select(slice(0, None, 2)), frames.select(slice(1, None, 2))
-    pole_map = map_of(even, settings)
     path = noisy_odometry(given.data, odd, settings.odometry)
-    maps = [at_reference(each, odd) for each in local_maps(odd.scans, path, settings.mapping.poles)]
-    rates = DetectionRates.of(maps, pole_map, settings.reach, settings.margin)
+    pole_map = map_of(even, settings)
+    maps = list(local_maps(odd.scans, path, settings.mapping.poles))
+    rates = compared(maps, odd, pole_map, settings)
     facts: dict[str, Any] = {
         "frames in the map": len(even),
         "frames compared": len(odd),
@@ -101,7 +112,17 @@ def main(argv: list[str] | None = None) -> int:
     add_figures(bench, rates, pole_map, len(maps))
     if given.options["freeze"]:
         write_text(given.options["freeze"], json.dumps(frozen(rates, settings, len(maps)), indent=2) + "\n")
-    return bench.finish(given)
+    placed = [at_reference(each, odd) for each in maps]
+    return bench.finish(given, picture(even, odd, pole_map, placed))
+
+
+def picture(even: KittiFrames, odd: KittiFrames, pole_map: PoleMap, maps: list[LocalMap]) -> Figure:
+    """Draw the map over what the even frames reflect, and all detections in the odd ones."""
+    below = BrickStatistics.from_scans(even.scans, even.poses, resolution=_EDGE)
+    found = Poles.joined([each.in_world for each in maps])
+    low, high = pole_map.positions.min(0) - _RIM, pole_map.positions.max(0) + _RIM
+    cut = below.crop(below.grid.crop((*low, below.grid.origin[2]), (*high, below.grid.upper[2])))
+    return plot_pole_map(pole_map, top_view(cut), cut.grid.extent, trajectory=odd.reference, detections=found)
 
 
 def map_of(frames: KittiFrames, settings: PolesKittiSettings) -> PoleMap:
@@ -139,6 +160,14 @@ def noisy_odometry(data: Path | None, frames: KittiFrames, noise: OdometryNoise)
         pose = se2.compose(pose, se2.exp([speed * (end - begin), 0.0, turn]))
         poses.append(pose)
     return Trajectory(stamps, np.array(poses))
+
+
+def compared(
+    maps: Sequence[LocalMap], frames: KittiFrames, pole_map: PoleMap, settings: PolesKittiSettings
+) -> DetectionRates:
+    """What local maps find of the map, each placed at the reference."""
+    placed = [at_reference(each, frames) for each in maps]
+    return DetectionRates.of(placed, pole_map, settings.reach, settings.margin)
 
 
 def at_reference(found: LocalMap, frames: KittiFrames) -> LocalMap:
