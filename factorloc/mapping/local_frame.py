@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from factorloc.errors import MapError
+from factorloc.mapping.georeference import convert
 
 __all__ = ["LocalFrame"]
 
@@ -62,16 +63,8 @@ class LocalFrame:
 
     def to_geographic(self, points: npt.ArrayLike) -> Array:
         """Longitudes and latitudes, degrees, of points (N, 2), m."""
-        return self._converted(points, back=True)
+        return convert(points, self.crs.to_wkt(), self.datum)
 
     def from_geographic(self, points: npt.ArrayLike) -> Array:
         """Points (N, 2), m, of longitudes and latitudes, degrees, in the datum of the frame."""
-        return self._converted(points, back=False)
-
-    def _converted(self, points: npt.ArrayLike, back: bool) -> Array:
-        import pyproj
-
-        frame = self.crs
-        ends = (frame, frame.geodetic_crs) if back else (frame.geodetic_crs, frame)
-        x, y = np.asarray(points, np.float64).reshape(-1, 2).T
-        return np.column_stack(pyproj.Transformer.from_crs(*ends, always_xy=True).transform(x, y))
+        return convert(points, self.datum, self.crs.to_wkt())
