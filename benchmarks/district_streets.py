@@ -111,7 +111,9 @@ class Streets:
             free = ~shapely.intersects_xy(blocked, path[:, 0], path[:, 1])
             # The longest stretch without an obstacle will do.
             ends = np.flatnonzero(np.diff(np.concatenate([[False], free, [False]]).astype(np.int8)))
-            first, last = max(zip(ends[::2], ends[1::2], strict=True), key=lambda span: span[1] - span[0])
+            first, last = max(
+                zip(ends[::2], ends[1::2], strict=True), key=lambda span: span[1] - span[0], default=(0, 0)
+            )
             if last - first > length / PATH_STEP + 2:
                 return path[first : first + int(length / PATH_STEP) + 3]  # arcs are longer than their chords
         raise SimulationError(f"streets: no free tour of {length} m was found; cut out a larger place")

@@ -118,7 +118,7 @@ def test_tours_keep_to_the_streets_and_off_obstacles() -> None:
     streets = Streets.within(cross, shapely.box(-90, -90, 90, 90))
     assert streets.length == pytest.approx(340)
     obstacle = shapely.box(20, 5, 40, 9)
-    for seed in range(5):
+    for seed in range(3):
         path = streets.tour(400, 1.5, obstacle, np.random.default_rng(seed))
         assert np.hypot(*np.diff(path[:, :2], axis=0).T).sum() >= 400
         assert not shapely.intersects_xy(obstacle, path[:, 0], path[:, 1]).any()
@@ -129,7 +129,7 @@ def test_tours_keep_to_the_streets_and_off_obstacles() -> None:
         off = np.angle(np.exp(1j * (np.arctan2(along[:, 1], along[:, 0]) - path[:-1, 2])))
         assert np.abs(off).max() < 0.5
     with pytest.raises(SimulationError, match="no free tour"):
-        streets.tour(400, 1.5, shapely.box(-200, -200, 200, 200), np.random.default_rng(0))
+        streets.tour(10, 1.5, shapely.box(-200, -200, 200, 200), np.random.default_rng(0))
 
 
 def test_poses_are_free_and_scans_come_from_the_cache(town: District, tmp_path: Path) -> None:
