@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from factorloc.cli.console import console
+from factorloc.cli.console import console, progress_bar
 
 if TYPE_CHECKING:
     from factorloc.mapping import FacadeMap
@@ -64,7 +64,9 @@ def facades(
     if ending not in (".h5", ".hdf5", ".geojson"):
         raise ConfigError(f"{output}: facade maps are written as .h5 or .geojson; choose one of them")
     found = read_buildings(buildings, crs=crs, swap_axes=swap_axes, origin=origin, datum=datum, attribution=attribution)
-    facade_map = FacadeMap.from_outlines(found, MapUncertainty(shift, vertex_error), least_length=least_length)
+    uncertainty = MapUncertainty(shift, vertex_error)
+    with progress_bar("facades", len(found), "buildings") as progress:
+        facade_map = FacadeMap.from_outlines(found, uncertainty, least_length=least_length, progress=progress)
     (write_facade_geojson if ending == ".geojson" else write_facade_map)(output, facade_map)
     console.print(f"{output}: {len(facade_map)} facades of {len(facade_map.outlines)} buildings", soft_wrap=True)
     for name, value in facade_facts(facade_map).items():

@@ -20,6 +20,10 @@ Array = npt.NDArray[np.float64]
 
 _BUILDING = tuple(f"{{http://www.opengis.net/citygml/building/{version}}}" for version in ("1.0", "2.0"))
 _GML = "{http://www.opengis.net/gml}"
+_MEMBERS = (
+    *(f"{{http://www.opengis.net/citygml/{version}}}cityObjectMember" for version in ("1.0", "2.0")),
+    _GML + "featureMember",
+)
 _KINDS = frozenset({"GroundSurface", "WallSurface", "RoofSurface", "OuterFloorSurface", "OuterCeilingSurface",
                     "ClosureSurface", "InteriorWallSurface", "FloorSurface", "CeilingSurface"})  # fmt: skip
 _INDOORS = frozenset({"InteriorWallSurface", "FloorSurface", "CeilingSurface"})
@@ -67,7 +71,7 @@ def read_citygml(path: Path | str) -> BuildingFeatures:
     root = ""
     try:
         events = etree.iterparse(
-            str(path), ("end",), tag=[*kinds, _GML + "Envelope"],
+            str(path), ("end",), tag=[*kinds, *_MEMBERS, _GML + "Envelope"],
             resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False, remove_comments=True,
         )  # fmt: skip
         for _, element in events:
@@ -78,6 +82,8 @@ def read_citygml(path: Path | str) -> BuildingFeatures:
             if element.tag in kinds:
                 _keep(element, found, systems)
                 element.clear()
+            elif element.tag in _MEMBERS:
+                _forget(element)
         root = etree.QName(events.root).localname if events.root is not None else ""
     except etree.XMLSyntaxError as error:
         reason = " ".join(str(error).split())[:160]
@@ -88,6 +94,13 @@ def read_citygml(path: Path | str) -> BuildingFeatures:
         raise DataError(f"{path}: holds no building of CityGML 1 or 2 (its root is '{root}'); export it as one of them")
     _name_system(path, found, systems)
     return found
+
+
+def _forget(member: Any) -> None:
+    """Let go of a member and of those before it, buildings or not: a city is larger than what is kept of it."""
+    member.clear()
+    while member.getprevious() is not None:
+        del member.getparent()[0]
 
 
 def _keep(element: Any, found: BuildingFeatures, systems: dict[str, int]) -> None:

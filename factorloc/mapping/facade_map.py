@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -115,14 +115,17 @@ class FacadeMap:
         least_length: float = 1.0,
         tolerance: float = 0.05,
         gap: float = 0.4,
+        progress: Callable[[int], None] | None = None,
     ) -> FacadeMap:
         """Take the outer walls of buildings, without those they share.
 
         Outlines inside others are left out first (see :meth:`BuildingOutlines.whole`). The stated accuracy of the
         transformation to the local frame is added to the shift of every building. Where corners on a straight wall are
         left out, their distance from it is added to its vertex error, so that every point of the true wall still lies
-        on a line that is allowed. A wall that stands free only in parts is cut: the ends of a part are points of the
-        true wall, bounded like its corners, though the part that is seen may begin elsewhere if the neighbour is off.
+        on a line that is allowed; a short part of it may have another direction, which a tolerance of 0 rules out.
+
+        A wall that stands free only in parts is cut: the ends of a part are points of the true wall, bounded like its
+        corners, though what is seen of it may begin elsewhere if the neighbour is off.
 
         Parameters
         ----------
@@ -136,6 +139,8 @@ class FacadeMap:
             How far a corner may be from a straight wall that is put in its place, m; 0 keeps all corners.
         gap : float
             A neighbour closer than that before a wall shares it, m.
+        progress : callable, optional
+            Called with the number of buildings done.
 
         Raises
         ------
@@ -151,7 +156,11 @@ class FacadeMap:
         whole = buildings.whole()
         polygons = tuple(outline.polygon for outline in whole.outlines)
         accuracy = whole.frame.accuracy if whole.frame is not None else 0.0
-        found = [straight_walls(polygon, tolerance) for polygon in polygons]
+        found = []
+        for number, polygon in enumerate(polygons):
+            found.append(straight_walls(polygon, tolerance))
+            if progress is not None:
+                progress(number + 1)
         walls = np.concatenate([pieces for pieces, _ in found])
         deviations = np.concatenate([off for _, off in found])
         owners = np.repeat(np.arange(len(found)), [len(pieces) for pieces, _ in found])

@@ -188,6 +188,13 @@ def test_bad_files_are_refused_in_one_line(tmp_path: Path, text: str, message: s
     assert "\n" not in str(error.value)
 
 
+def test_all_members_are_read_and_none_is_kept_in_memory(tmp_path: Path) -> None:
+    ground = [surface("GroundSurface", at(FLOOR, 0.0, X + 20 * k)) for k in range(50)]
+    road = "<tran:Road xmlns:tran='http://www.opengis.net/citygml/transportation/2.0'/>"
+    text = city(*(member for one in ground for member in (house(one), road)))
+    assert len(read_citygml(save(tmp_path, text)).features) == 50
+
+
 def test_several_systems_are_refused(tmp_path: Path) -> None:
     ground = surface("GroundSurface", at(FLOOR, 0.0))
     other = ground.replace("<gml:Polygon>", '<gml:Polygon srsName="EPSG:25833">')

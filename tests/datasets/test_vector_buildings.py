@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 import warnings
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ import pytest
 import shapely
 
 from factorloc.datasets import read_buildings
-from factorloc.errors import DataError, FactorlocWarning
+from factorloc.errors import DataError, FactorlocWarning, MissingLibraryError
 
 pyogrio = pytest.importorskip("pyogrio")
 
@@ -153,6 +154,17 @@ def test_other_faults_are_named(tmp_path: Path) -> None:
     disguised.write_bytes(write(tmp_path, [feature(square())]).read_bytes())
     with pytest.raises(DataError, match=r"other\.gpkg"):
         read_buildings(disguised)
+
+
+@pytest.mark.parametrize(("name", "library"), [("a.osm", "osmium"), ("a.gpkg", "pyogrio"), ("a.gml", "lxml")])
+def test_a_missing_library_is_named_with_its_extra(
+    tmp_path: Path, name: str, library: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / name).write_text("<osm/>")
+    monkeypatch.setitem(sys.modules, library, None)
+    monkeypatch.setitem(sys.modules, "lxml.etree", None)
+    with pytest.raises(MissingLibraryError, match=rf"{library} is not installed.*factorloc\[gis\]"):
+        read_buildings(tmp_path / name)
 
 
 def test_a_file_without_a_coordinate_system_needs_one(tmp_path: Path) -> None:
