@@ -118,7 +118,7 @@ class Job(Block):
     settings: LargeSettings
     quick: bool
     threads: int
-    columns: int = 0
+    columns: int = Field(0, ge=0)
 
 
 @dataclass

@@ -1,7 +1,7 @@
 """The benchmark of a large map: what it counts, compares and measures, and a run of it in a small town."""
 
 import json
-from collections.abc import Iterator
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,7 @@ import pytest
 
 from benchmarks import maps_large, maps_large_stream
 from benchmarks.harness import Arguments, Benchmark
-from benchmarks.maps_large_stream import Census, Job, LargeSettings, Stream, same, session_scans, stream_map
+from benchmarks.maps_large_stream import Census, Job, LargeSettings, Stream, same, session_scans
 from benchmarks.resident_memory import MemoryCurve, peak_resident, resident
 from factorloc.config import read_config
 from factorloc.errors import ConfigError, FactorlocError
@@ -121,12 +121,11 @@ def test_sessions_are_cast_without_repetition() -> None:
 
 
 @pytest.fixture(scope="module")
-def report(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[dict[str, Any], Path]]:
+def report(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], Path]:
+    """What a process of its own reports of a small run, and its folder."""
     folder = tmp_path_factory.mktemp("large")
-    with MemoryCurve(0.01) as curve:
-        found = stream_map(Job(settings=small(), quick=False, threads=1, columns=10), folder, curve)
-    found |= {"memory": curve.samples.tolist(), "marks": curve.marks, "peak": peak_resident()}
-    yield found, folder
+    given = Arguments(None, False, folder / "a.json", folder / "a.png", 1, {"columns": 10})
+    return maps_large.run_apart(folder, small(), given), folder
 
 
 def test_parts_and_files_are_the_streamed_map(report: tuple[dict[str, Any], Path]) -> None:
@@ -161,7 +160,16 @@ def test_what_is_missed_is_a_missed_goal(report: tuple[dict[str, Any], Path]) ->
     assert not [goal for goal in bench.goals if goal.unit == "million"]  # a quick run casts fewer rays
 
 
-def test_a_run_has_a_process_of_its_own(tmp_path: Path) -> None:
+def test_a_run_writes_its_report(
+    report: tuple[dict[str, Any], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def run(folder: Path, settings: LargeSettings, given: Arguments) -> dict[str, Any]:
+        assert settings == small()
+        assert (given.quick, given.options["columns"]) == (True, 10)
+        shutil.copy(report[1] / "map.h5", folder)
+        return report[0]
+
+    monkeypatch.setattr(maps_large, "run_apart", run)
     (tmp_path / "small.json").write_text(small().model_dump_json(), encoding="utf-8")
     files = ["--json", str(tmp_path / "a.json"), "--plot", str(tmp_path / "a.svg")]
     code = maps_large.main(["--quick", "--columns", "10", "--settings", str(tmp_path / "small.json"), *files])
@@ -173,9 +181,9 @@ def test_a_run_has_a_process_of_its_own(tmp_path: Path) -> None:
 
 
 def test_an_error_there_is_an_error_here(tmp_path: Path) -> None:
-    given = Arguments(None, False, tmp_path / "a.json", tmp_path / "a.png", 1, {"columns": 10})
-    with pytest.raises(FactorlocError, match=r"process that maps: sessions: .* drive further"):
-        maps_large.run_apart(tmp_path, small(rays=1e6), given)
+    given = Arguments(None, False, tmp_path / "a.json", tmp_path / "a.png", 1, {"columns": -1})
+    with pytest.raises(FactorlocError, match=r"process that maps: .*job\.json: columns"):
+        maps_large.run_apart(tmp_path, small(), given)
     assert maps_large_stream.work([str(tmp_path / "none")]) == 2
 
 

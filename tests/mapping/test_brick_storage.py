@@ -21,7 +21,7 @@ def same(a: BrickStatistics, b: BrickStatistics) -> bool:
     return equal and (a.grid, a.scans, a.left_out) == (b.grid, b.scans, b.left_out)
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def street() -> BrickStatistics:
     rng = np.random.default_rng(1)
     grid = Grid((-10.0, -10.0, -2.0), 0.5, (90, 80, 20))
@@ -44,18 +44,24 @@ def test_what_is_written_is_read(tmp_path: Path, data: st.DataObject) -> None:
     assert (info.grid, info.cell_bytes) == (grid, 7 * len(statistics.cells) + 520 * len(statistics.cells.bricks))
 
 
-@in_a_folder
+@pytest.fixture(scope="module")
+def street_file(street, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("street") / "map.h5"
+    write_map(path, street)
+    return path
+
+
+@settings(max_examples=30)
 @given(st.tuples(*[st.floats(-15, 40)] * 3), st.tuples(*[st.floats(0.1, 30)] * 3))
-def test_a_region_is_the_window_of_the_whole(tmp_path: Path, street, low, size) -> None:
-    write_map(tmp_path / "map.h5", street)
+def test_a_region_is_the_window_of_the_whole(street_file: Path, street, low, size) -> None:
     region = (low, tuple(np.add(low, size)))
     try:
         grid = street.grid.crop(*region)
     except MapError:
         with pytest.raises(MapError, match="misses the map"):
-            read_map(tmp_path / "map.h5", region=region)
+            read_map(street_file, region=region)
         return
-    part = read_map(tmp_path / "map.h5", region=region)
+    part = read_map(street_file, region=region)
     assert isinstance(part, BrickStatistics)
     assert part.grid == grid
     assert same(part, street.crop(grid))
