@@ -19,8 +19,8 @@ Published figures stand beside; they are of other recordings, with another lidar
 The poses of the logs are themselves good to 0.03 m only, and drive 0005 has but scan-to-map GICP: errors are deviations
 from these.
 
-A full run takes about an hour of one core. It keeps the record of every model and scene beside the JSON file until all is
-done: one that was broken off goes on where it was, if neither settings nor code have changed.
+A full run takes about an hour of one core. Until all is done it keeps the record of every model and scene beside the
+JSON file: a run that was broken off goes on where it was, if neither settings nor code have changed.
 """
 
 from __future__ import annotations
