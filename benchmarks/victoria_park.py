@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
+from benchmarks.bare_poles import bare_poles
 from benchmarks.harness import Arguments, Benchmark, arguments, one_line_errors
 from benchmarks.victoria_park_picture import park_picture
 from factorloc.config import Block, read_config
@@ -27,7 +28,6 @@ from factorloc.factors import OdometryNoise, PoleDetections, PoleLandmarks, Pose
 from factorloc.geometry import wrap
 from factorloc.localization.landmark_smoother import LandmarkSolution, smooth_landmarks
 from factorloc.localization.pole_smoother import PoleSmootherSettings, smooth_poles
-from factorloc.mapping.poles import Poles
 
 SETTINGS = Path(__file__).with_name("victoria_park.json")
 
@@ -120,8 +120,7 @@ class Park:
     @property
     def detections(self) -> PoleDetections:
         """Observations without association; of trunks only the place was recorded."""
-        n = len(self.points)
-        poles = Poles(self.points, np.full(n, 0.3), np.tile([0.0, 2.0], (n, 1)), np.ones(n))
+        poles = bare_poles(self.points)
         counts = np.bincount(self.pose_of, minlength=len(self.motions) + 1)
         return PoleDetections(poles, np.concatenate([[0], np.cumsum(counts)]).astype(np.int64))
 
@@ -131,7 +130,8 @@ def main(argv: list[str] | None = None) -> int:
     """Run the benchmark; the exit code is 1 if a goal is missed."""
     given = arguments("victoria_park", __doc__ or "", argv, settings=str(SETTINGS))
     settings = read_config(given.options["settings"], ParkSettings)
-    park = Park.read(gtsam.findExampleDataFile("victoria_park.txt"), _QUICK if given.quick else None)
+    file: str = gtsam.findExampleDataFile("victoria_park.txt")  # type: ignore[no-untyped-call]
+    park = Park.read(file, _QUICK if given.quick else None)
     for_map = np.arange(len(park.points)) % settings.every == 0
     mapped = make_map(park.part(for_map), settings)
     bench = Benchmark("victoria_park", {"quick": given.quick, **settings.model_dump(mode="json")})
@@ -156,7 +156,7 @@ def localize(bench: Benchmark, given: Arguments, park: Park, mapped: LandmarkSol
     names = np.flatnonzero(mapped.counts >= settings.least_sightings)
     positions = mapped.landmarks[names]
     n = len(names)
-    trunks = Poles(positions, np.full(n, 0.3), np.tile([0.0, 2.0], (n, 1)), np.ones(n))
+    trunks = bare_poles(positions)
     in_map = np.isin(park.tree_of, names)
     bench.figure("trunks in the map", n, "1")
     bench.figure("observations of trunks that are in the map", in_map.sum(), "1")

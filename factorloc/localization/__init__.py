@@ -1,11 +1,12 @@
 """Where the rooms meet: registration, tracking, smoothing, and the localizer that runs them in order.
 
-And Monte Carlo localization by particles: propagate, reweight, resample, estimate.
+And Monte Carlo localization by particles: propagate, reweight, resample, estimate. Both among poles as well.
 """
 
 from factorloc.localization.derivative_free import RefinementSettings, refine
 from factorloc.localization.initialization import AroundPose, FreeSpace, Initialization, NormalStart
 from factorloc.localization.kld import KldSettings
+from factorloc.localization.landmark_smoother import LandmarkSolution, smooth_landmarks
 from factorloc.localization.lidar_odometry import (
     LidarOdometry,
     LidarOdometrySettings,
@@ -19,6 +20,10 @@ from factorloc.localization.optimizer import OptimizerSettings, ScanFactors, opt
 from factorloc.localization.particle_estimates import ParticleEstimates, PoseEstimate
 from factorloc.localization.particle_filter import ParticleFilter, ParticleFilterSettings
 from factorloc.localization.particles import Particles
+from factorloc.localization.pole_drive import PoleDrive
+from factorloc.localization.pole_filter import PoleFilterSettings, filter_poles
+from factorloc.localization.pole_persistence import PersistenceSettings, persistence
+from factorloc.localization.pole_smoother import PoleLocalization, PoleSmootherSettings, smooth_poles
 from factorloc.localization.prepared_map import MeasurementSettings, PreparedMap
 from factorloc.localization.recovery import RecoverySettings
 from factorloc.localization.registration import Registration, RegistrationSettings, register, register_many
@@ -30,6 +35,7 @@ __all__ = [
     "FreeSpace",
     "Initialization",
     "KldSettings",
+    "LandmarkSolution",
     "LidarOdometry",
     "LidarOdometrySettings",
     "Localization",
@@ -43,6 +49,11 @@ __all__ = [
     "ParticleFilter",
     "ParticleFilterSettings",
     "Particles",
+    "PersistenceSettings",
+    "PoleDrive",
+    "PoleFilterSettings",
+    "PoleLocalization",
+    "PoleSmootherSettings",
     "PoseEstimate",
     "PreparedMap",
     "RecoverySettings",
@@ -53,15 +64,19 @@ __all__ = [
     "TangentMotion",
     "TrackingSettings",
     "TurnDriveTurn",
+    "filter_poles",
     "find_start",
     "lidar_odometry",
     "localize",
     "localize_by_particles",
     "optimize",
+    "persistence",
     "refine",
     "register",
     "register_many",
     "smooth",
+    "smooth_landmarks",
+    "smooth_poles",
     "track",
     "with_lidar_odometry",
 ]

@@ -37,7 +37,11 @@ class MovedPolesSettings(Block):
     agree : float
         Poles moved together agree to this, m.
     share : float
-        Least share of a group, and at least three of it, that must be found at its new place.
+        Least share of a group that must be found at its new place.
+    least : int
+        Least number of them: three poles and some clutter agree on many a shift.
+    least_shift : float
+        A group that moved less was not moved, m.
     """
 
     reach: float = Field(12.0, gt=0)
@@ -47,6 +51,8 @@ class MovedPolesSettings(Block):
     shift: float = Field(6.0, gt=0)
     agree: float = Field(0.4, gt=0)
     share: float = Field(0.5, gt=0, le=1)
+    least: int = Field(5, ge=3)
+    least_shift: float = Field(0.3, ge=0)
 
 
 @dataclass(frozen=True)
@@ -131,7 +137,7 @@ def find_moved_groups(
     seen, in_view = visibility(poses, detections, matches, landmarks, settings.reach)
     missed = np.flatnonzero((in_view >= settings.least_views) & (seen < settings.rate * in_view))
     stray = detections.placed(poses)[matches < 0]
-    if len(missed) < 3 or len(stray) == 0:
+    if len(missed) < settings.least or len(stray) == 0:
         return missed, []
     places = cKDTree(landmarks[missed])
     _, labels = connected_components(places.sparse_distance_matrix(places, settings.neighbours), directed=False)
@@ -139,7 +145,7 @@ def find_moved_groups(
     groups = []
     for label in np.unique(labels):
         members = missed[labels == label]
-        if len(members) < 3:
+        if len(members) < settings.least:
             continue
         near = tree.query_ball_point(landmarks[members], settings.shift)
         shifts = [stray[rows] - landmarks[member] for rows, member in zip(near, members, strict=True)]
@@ -150,9 +156,11 @@ def find_moved_groups(
         around = cKDTree(together).query_ball_point(together, settings.agree)
         votes = np.array([len(set(owner[rows].tolist())) for rows in around])
         best = int(np.lexsort((np.hypot(*together.T), -votes))[0])
-        if votes[best] < max(3, settings.share * len(members)):
+        if votes[best] < max(settings.least, settings.share * len(members)):
             continue
         shift = np.median(together[around[best]], axis=0)
+        if np.hypot(*shift) < settings.least_shift:
+            continue
         found = np.unique(owner[around[best]])
         groups.append(MovedGroup(members[found], (float(shift[0]), float(shift[1])), len(members)))
     return missed, groups

@@ -24,8 +24,6 @@ Array = npt.NDArray[np.float64]
 UNKNOWN_MOTION = (2.0, 0.3)
 """Standard deviations of a motion nobody measured, m and rad."""
 
-_WIDE_PRIOR = 100.0  # m; no prior of the first pose, but one that keeps a graph without poles solvable
-
 
 class PoleGraph:
     """The graph of a drive, for any landmarks.
@@ -44,6 +42,8 @@ class PoleGraph:
         As :class:`~factorloc.factors.pole_term.PoleTerm`.
     optimizer : OptimizerSettings
         Steps and tolerances.
+    prior : PosePrior
+        Of the first pose.
     """
 
     def __init__(
@@ -52,9 +52,10 @@ class PoleGraph:
         mixture: PoleMixture,
         information: float,
         optimizer: OptimizerSettings,
+        prior: PosePrior,
     ) -> None:  # fmt: skip
         self.detections, self.mixture, self.information = detections, mixture, information
-        self.optimizer = optimizer
+        self.optimizer, self.prior = optimizer, prior
         self.motions, self.covariances, self.known = motions, covariances, known
         self.keys = [X(k) for k in range(len(detections))]
         self.factors = list(odometry_factors(self.keys, motions, noise, known, covariances))
@@ -73,8 +74,7 @@ class PoleGraph:
     def solve(self, landmarks: PoleLandmarks, initial: Array, levels: Sequence[int]) -> Optimized:
         """Solve it from poses (N, 3), through levels of the map."""
         graph = gtsam.NonlinearFactorGraph()
-        prior = PosePrior.from_sigmas(initial[0], _WIDE_PRIOR, np.pi)
-        graph.push_back(prior.factor(self.keys[0]))
+        graph.push_back(self.prior.factor(self.keys[0]))
         for factor in self.factors:
             graph.push_back(factor)
         scans = ScanFactors(self.term(landmarks), self.keys)

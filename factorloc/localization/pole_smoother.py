@@ -26,7 +26,7 @@ from factorloc.localization.odometry_calibration import OdometryCalibration
 from factorloc.localization.optimizer import OptimizerSettings
 from factorloc.localization.pole_consensus import Conflict, ConsensusSettings
 from factorloc.localization.pole_graph import UNKNOWN_MOTION, PoleGraph
-from factorloc.localization.pole_tracking import PoleTrackingSettings, track_poles
+from factorloc.localization.pole_tracking import PoleTrackingSettings, gaussian, track_poles
 from factorloc.localization.smoother import marginal_covariances
 from factorloc.mapping.poles import Poles
 from factorloc.result import Result
@@ -202,6 +202,7 @@ def smooth_poles(
         used, detections, motions, of_motions, belief, **about, settings=settings.tracking,
         progress=progress, seed=seed,
     )  # fmt: skip
+    about["prior"] = gaussian(belief, seed)
     found = PoleGraph(detections, motions, of_motions, **about).solve(used, track.poses, (1, 2, 3))
     history = found.history
     calibration = OdometryCalibration.of(pose_array(found.values), motions, measured)

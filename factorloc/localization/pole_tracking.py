@@ -22,7 +22,7 @@ from factorloc.localization.initialization import Initialization, NormalStart
 from factorloc.localization.optimizer import Optimized, OptimizerSettings, ScanFactors, optimize
 from factorloc.localization.pole_search import SearchSettings, dead_reckoned, search_pose
 
-__all__ = ["PoleTrack", "PoleTrackingSettings", "propagated", "track_poles"]
+__all__ = ["PoleTrack", "PoleTrackingSettings", "gaussian", "propagated", "track_poles"]
 
 Array = npt.NDArray[np.float64]
 
@@ -117,12 +117,12 @@ def track_poles(
     """
     n = len(detections)
     way = np.concatenate([[0.0], np.cumsum(np.hypot(motions[:, 0], motions[:, 1]))])
-    poses, spreads = np.zeros((n, 3)), np.zeros((n, 3, 3))
+    poses, spreads, matched = np.zeros((n, 3)), np.zeros((n, 3, 3)), np.zeros(n, np.bool_)
     belief: Initialization = start
-    first, searches = 0, 0
+    first, next_begin, searches = 0, 0, 0
     while first < n:
         last = max(int(np.searchsorted(way, way[first] + settings.block)), first + 1)
-        begin = int(np.searchsorted(way, way[first] - settings.lag)) if first else 0
+        begin = next_begin
         searched = False
         guesses = [] if first == 0 else [se2.compose(poses[first - 1], motions[first - 1])]
         reach = max(int(np.searchsorted(way, way[first] + settings.ahead)), first + 1)
@@ -139,15 +139,20 @@ def track_poles(
             landmarks, detections.rows(begin, last), motions[begin : last - 1], covariances[begin : last - 1],
             known[begin : last - 1], mixture, information, noise, optimizer,
         )  # fmt: skip
-        prior = _prior(belief, seed) if begin == first == 0 else PosePrior(poses[begin], _WIDENED * spreads[begin])
+        wider = _WIDENED if matched[begin:first].any() else 1.0
+        prior = gaussian(belief, seed) if begin == first == 0 else PosePrior(poses[begin], wider * spreads[begin])
         outcomes = []
         for guess in guesses:
             ahead = dead_reckoned(guess, motions[first : last - 1])
             outcomes.append(solve(np.concatenate([poses[begin:first], ahead]), prior, 0 if searched else 1))
         best = min(outcomes, key=lambda outcome: outcome.cost)
         poses[begin:last] = pose_array(best.values)
-        spreads[begin:last] = solve.marginals(best)
-        if last < n:
+        assert best.scan_costs is not None  # every pose has a local map, if an empty one
+        matched[begin:last] = best.scan_costs.hessian[:, 0, 0] > 0
+        if last < n:  # only these are asked for: the last pose, and the first of the next stretch
+            next_begin = min(max(int(np.searchsorted(way, way[last] - settings.lag)), begin), last - 1)
+            for k in {next_begin, last - 1}:
+                spreads[k] = solve.marginal(best, k - begin)
             leap = propagated(spreads[last - 1], motions[last - 1], covariances[last - 1])
             belief = NormalStart(PosePrior(se2.compose(poses[last - 1], motions[last - 1]), leap))
         if progress:
@@ -192,9 +197,9 @@ class _Window:
         levels = range(coarsest, len(self.term.blurs))
         return optimize(graph, pose_values(self.keys, initial), scans, levels=levels, settings=self.optimizer)
 
-    def marginals(self, found: Optimized) -> Array:
-        marginals = gtsam.Marginals(found.linear, found.values)
-        return np.array([marginals.marginalCovariance(key) for key in self.keys])
+    def marginal(self, found: Optimized, row: int) -> Array:
+        covariance = gtsam.Marginals(found.linear, found.values).marginalCovariance(self.keys[row])
+        return np.asarray((covariance + covariance.T) / 2)
 
 
 def _width(belief: Initialization) -> float:
@@ -203,8 +208,8 @@ def _width(belief: Initialization) -> float:
     return float(np.sqrt(np.linalg.eigvalsh(belief.prior.covariance[:2, :2])[-1]))
 
 
-def _prior(belief: Initialization, seed: int) -> PosePrior:
-    """Gaussian of a belief: its own, or that of draws from it."""
+def gaussian(belief: Initialization, seed: int = 0) -> PosePrior:
+    """Gaussian of a planar belief: its own, or that of draws from it."""
     if isinstance(belief, NormalStart):
         return belief.prior
     draws = belief.sample(4096, np.random.default_rng(seed))
