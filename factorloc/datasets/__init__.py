@@ -9,6 +9,7 @@ from factorloc.datasets.carmen import CarmenReader, read_carmen
 from factorloc.datasets.drive import Drive
 from factorloc.datasets.kitti_odometry import KittiOdometryReader, read_kitti_odometry
 from factorloc.datasets.kitti_raw import KittiRawReader, read_kitti_raw
+from factorloc.datasets.nclt import NcltReader, read_nclt
 from factorloc.datasets.pairing import match_scans, pair_raw_with_corrected
 from factorloc.datasets.reader import READERS, Reader, open_drive
 from factorloc.datasets.registry import KNOWN_FILES, KnownFile, data_folder, known_max_range, log_name
@@ -26,6 +27,7 @@ __all__ = [
     "KittiOdometryReader",
     "KittiRawReader",
     "KnownFile",
+    "NcltReader",
     "ReadReport",
     "Reader",
     "Relations",
@@ -39,5 +41,6 @@ __all__ = [
     "read_carmen",
     "read_kitti_odometry",
     "read_kitti_raw",
+    "read_nclt",
     "read_relations",
 ]

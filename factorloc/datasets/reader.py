@@ -9,6 +9,7 @@ from factorloc.datasets.carmen import CarmenReader
 from factorloc.datasets.drive import Drive
 from factorloc.datasets.kitti_odometry import KittiOdometryReader
 from factorloc.datasets.kitti_raw import KittiRawReader
+from factorloc.datasets.nclt import NcltReader
 from factorloc.errors import DataError
 
 __all__ = ["READERS", "Reader", "open_drive"]
@@ -34,7 +35,7 @@ class Reader(Protocol):
         """
 
 
-READERS: tuple[Reader, ...] = (CarmenReader(), KittiRawReader(), KittiOdometryReader())
+READERS: tuple[Reader, ...] = (CarmenReader(), KittiRawReader(), KittiOdometryReader(), NcltReader())
 """Every format known, in the order they are asked."""
 
 

@@ -24,6 +24,7 @@ from factorloc.simulation.kitti_export import write_kitti
 from factorloc.simulation.lidar import Lidar, PlanarLidar
 from factorloc.simulation.lidar_models import hdl_32e, hdl_64e, os_128, vlp_16
 from factorloc.simulation.mesh_world import MeshWorld
+from factorloc.simulation.nclt_export import write_nclt
 from factorloc.simulation.odometry import OdometryNoise, integrate_odometry
 from factorloc.simulation.office import office_plan, office_routes
 from factorloc.simulation.poles import Pole, PoleKind
@@ -87,4 +88,5 @@ __all__ = [
     "vlp_16",
     "write_carmen",
     "write_kitti",
+    "write_nclt",
 ]
