@@ -136,8 +136,8 @@ def _localized(
         _check_degrees(path, polygons, bounds)
     projection = Projection.about(path, system, bounds, origin, datum)
     outlines = []
-    for polygon, feature in pieces:
-        moved = shapely.transform(polygon, lambda xy: projection.local(path, xy))
+    together = shapely.transform(np.array(polygons, dtype=object), lambda xy: projection.local(path, xy))
+    for moved, (_, feature) in zip(together, pieces, strict=True):
         if not moved.is_valid:  # rounding, where an outline all but touches itself
             moved = max(shapely.get_parts(shapely.make_valid(moved)), key=lambda part: part.area)
         if moved.geom_type != "Polygon" or moved.area < _SMALLEST:
