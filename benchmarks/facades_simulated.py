@@ -34,7 +34,7 @@ from factorloc.factors import PosePrior
 from factorloc.geometry import wrap
 from factorloc.localization import MonteCarloSettings, localize_by_particles
 from factorloc.localization.bounded_least_squares import estimate_in_bounds
-from factorloc.localization.interval_tracking import FacadeSettings, localize_scan, track_facades
+from factorloc.localization.interval_tracking import FacadeSettings, FacadeStep, localize_scan, track_facades
 from factorloc.localization.wall_lines import WallLines
 from factorloc.mapping.facade_likelihood import facade_likelihood
 from factorloc.mapping.facade_points import FacadePoints, ReductionSettings, ScanErrors, facade_points
@@ -242,7 +242,7 @@ def _start(pose: Array, settings: SimulatedSettings, rng: np.random.Generator) -
 
 
 def _add(
-    found: Outcomes, step, points: FacadePoints, lines: WallLines, pose: Array, bounds: Bounds, settings: FacadeSettings
+    found: Outcomes, step: FacadeStep, points: FacadePoints, lines: WallLines, pose: Array, bounds: Bounds, settings: FacadeSettings
 ) -> None:  # fmt: skip
     found.sets.append(bounds)
     found.truth.append(pose)

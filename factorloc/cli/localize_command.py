@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from factorloc.cli.console import Threads, console, progress_bar, use_threads
+from factorloc.cli.localize_facades import localize_among_facades
 from factorloc.cli.localize_methods import Method, by_particles, by_smoothing
 from factorloc.cli.recording import Mount, reader_options
 from factorloc.cli.selection import SELECTION_HELP, select_scans
@@ -19,8 +20,20 @@ __all__ = ["localize"]
 
 
 def localize(
-    map_file: Annotated[Path, typer.Argument(metavar="MAP", help="Map file of [green]factorloc map build[/green].")],
-    log: Annotated[Path, typer.Argument(help="Recording; where it holds no odometry, its lidar scans give some.")],
+    map_file: Annotated[
+        Path,
+        typer.Argument(metavar="MAP", help="Map file of [green]factorloc map build[/green]; not with --facades."),
+    ],
+    log: Annotated[
+        Path | None, typer.Argument(help="Recording; where it holds no odometry, its lidar scans give some.")
+    ] = None,
+    facades: Annotated[
+        Path | None,
+        typer.Option(help="Building map, or file of [green]factorloc map facades[/green], instead of MAP."),
+    ] = None,
+    known_to: Annotated[
+        tuple[float, float], typer.Option(metavar="M DEG", help="With --facades: how well the start is known.")
+    ] = (5.0, 5.0),
     truth: Annotated[
         Path | None, typer.Option(help="Corrected log that belongs to a raw one: its scans are localized and judged.")
     ] = None,
@@ -73,6 +86,8 @@ def localize(
     [green]factorloc localize street.h5 kitti/sequences/07 --scans odd[/green]
 
     [green]factorloc localize intel.h5 intel.clf.bz2 --method mcl --global[/green]
+
+    [green]factorloc localize --facades town.osm kitti/sequences/07 --start 12 3 90[/green]
     """
     from dataclasses import replace
 
@@ -89,7 +104,12 @@ def localize(
     use_threads(threads)
     if anywhere and (method is Method.SMOOTHER or start is not None):
         raise ConfigError("--global: begins anywhere, by particles; use it with --method mcl and without --start")
-    statistics = read_map(map_file)
+    if facades is None and log is None:
+        raise ConfigError("recording: missing; give MAP and LOG, or --facades MAP and LOG")
+    if facades is not None and log is not None:
+        raise ConfigError(f"{map_file}: a map beside --facades; give the recording alone")
+    log = map_file if log is None else log
+    statistics = None if facades is not None else read_map(map_file)
     options = reader_options(mount) if truth is None else {"truth": truth}
     drive: Drive = open_drive(log, **options)
     planar = drive.dimension == 2
@@ -112,6 +132,12 @@ def localize(
         console.print("start: the first pose of the truth (choose another with --start X Y HEADING)")
     else:
         raise DataError(f"{log}: holds no true poses to start from; say where it begins with --start X Y HEADING")
+    if facades is not None:
+        if pose is None:
+            raise ConfigError("--global: facades need a start that is known roughly; give --start X Y HEADING")
+        localize_among_facades(facades, drive, pose if planar else se3.to_se2(pose), known_to, config, output, plots)
+        return
+    assert statistics is not None
     if method is Method.MCL or pose is None:
         settings, results = by_particles(
             statistics, drive, pose, config, model=model, floor=floor, particles=particles, height=height, seed=seed

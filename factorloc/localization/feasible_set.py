@@ -154,7 +154,7 @@ def intersect_correspondences(
         return FeasibleSet(Bounds(whole.orientation, ()), (), conflicts, len(found), allowed, failed)
     turns = np.flatnonzero(kept.any((1, 2)))
     orientation = float(edges[turns[0]]), float(edges[turns[-1] + 1])
-    bounds = Bounds(orientation, _polygons(kept.any(0), frame, low, step))
+    bounds = Bounds(orientation, _polygons(np.asarray(kept.any(0)), frame, low, step))
     parts = tuple(Bounds((float(edges[j]), float(edges[j + 1])), _polygons(kept[j], frame, low, step)) for j in turns)
     return FeasibleSet(bounds, parts, conflicts, len(found), allowed, failed)
 

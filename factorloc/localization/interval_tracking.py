@@ -26,11 +26,12 @@ from factorloc.localization.feasible_set import (
     intersect_correspondences,
 )
 from factorloc.localization.wall_lines import WallLines
-from factorloc.mapping.facade_points import FacadePoints
+from factorloc.mapping.facade_points import FacadePoints, ReductionSettings, ScanErrors
 from factorloc.result import Bounds, Result, StopReason
 from factorloc.trajectory import Trajectory
 
 __all__ = [
+    "FacadeDriveSettings",
     "FacadeSettings",
     "FacadeStep",
     "FacadeTrack",
@@ -102,6 +103,24 @@ class FacadeSettings(Block):
     margin_heading: float = Field(math.radians(0.5), ge=0)
     prior_position: float = Field(0.5, gt=0)
     prior_heading: float = Field(math.radians(1.0), gt=0)
+
+
+class FacadeDriveSettings(Block):
+    """From raw scans to poses among facades.
+
+    Parameters
+    ----------
+    errors : ScanErrors
+        Bounds of the points.
+    reduction : ReductionSettings
+        What of a scan is taken for a facade.
+    localization : FacadeSettings
+        Everything else.
+    """
+
+    errors: ScanErrors = ScanErrors()
+    reduction: ReductionSettings = ReductionSettings()
+    localization: FacadeSettings = FacadeSettings()
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ calls gtsam only to linearize native factors and to solve, so that its cost a st
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,7 +20,8 @@ from factorloc.errors import OptimizationError
 from factorloc.factors.adaptors import hessian_factors
 from factorloc.factors.native import pose_array
 from factorloc.factors.scan_term import ScanCosts, ScanTerm
-from factorloc.result import Iteration, StopReason
+from factorloc.localization.feasible_poses import FeasiblePoses
+from factorloc.result import Bounds, Iteration, StopReason
 
 __all__ = ["Optimized", "OptimizerSettings", "ScanFactors", "optimize"]
 
@@ -130,6 +131,7 @@ def optimize(
     levels: Sequence[int] = (-1,),
     settings: OptimizerSettings | None = None,
     progress: Callable[[Iteration], None] | None = None,
+    bounds: Mapping[int, Bounds] | None = None,
 ) -> Optimized:
     """Minimize a graph and its scans, through the levels of the map for the whole graph at once.
 
@@ -150,11 +152,15 @@ def optimize(
         Steps and tolerances.
     progress : callable, optional
         Called after every accepted step.
+    bounds : mapping of int to Bounds, optional
+        Feasible sets of some poses, which hold the start and are never left: steps slide along their borders, and what
+        would still leave them is recomputed with a higher damping.
 
     Raises
     ------
     OptimizationError
-        If there is nothing to optimize, poses and factors do not fit, or the start has no finite cost.
+        If there is nothing to optimize, poses and factors do not fit, the start has no finite cost, or a pose begins
+        outside of its bounds.
     """
     settings = settings or OptimizerSettings()
     if initial.size() == 0:
@@ -165,7 +171,9 @@ def optimize(
         raise OptimizationError("graph: its variables are not all of Pose2 or all of Pose3")
     _check_keys(set(graph.keyVector()) | set(scans.keys if scans else ()), set(keys))
     damping = _Damping(keys, dimension, settings)
-    state = _Descent(graph, gtsam.Values(initial), scans, damping, settings, progress)
+    feasible = FeasiblePoses(bounds or {})
+    feasible.require(initial)
+    state = _Descent(graph, gtsam.Values(initial), scans, damping, settings, progress, feasible)
     for level in levels if scans else (None,):
         state.run(level)
     return Optimized(state.values, state.cost, state.scan_costs, state.linearize(), tuple(state.history), state.stop)
@@ -189,7 +197,9 @@ class _Descent:
         damping: _Damping,
         settings: OptimizerSettings,
         progress: Callable[[Iteration], None] | None,
+        feasible: FeasiblePoses,
     ) -> None:
+        self.feasible = feasible
         self.graph, self.values, self.scans = graph, values, scans
         self.damping, self.settings, self.progress = damping, settings, progress
         self.history: list[Iteration] = []
@@ -250,11 +260,16 @@ class _Descent:
             trials += 1
             try:
                 delta = damped.optimize(self._ordering)
+                if self.feasible.bounds:
+                    delta = self.feasible.slide(damped, self._ordering, self.values, delta)
             except RuntimeError as error:  # gtsam's name for an indeterminate system
                 first_error = first_error or error
                 self._step += 1
                 continue
             values = self.values.retract(delta)
+            if self.feasible.bounds and not self.feasible.hold(values):
+                self._step += 1
+                continue
             cost, scan_costs = self.evaluate(values, level)
             if cost <= self.cost:
                 self.values, self.cost, self.scan_costs = values, cost, scan_costs

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import platform
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -20,9 +20,10 @@ from factorloc.errors import FactorlocError
 from factorloc.evaluation import Report, absolute_errors, evaluate
 from factorloc.files import atomic_path, write_text
 from factorloc.mapping.brick_statistics import BrickStatistics
+from factorloc.mapping.facade_map import FacadeMap
 from factorloc.mapping.ray_statistics import RayStatistics
 from factorloc.mapping.top_view import top_view
-from factorloc.result import Result
+from factorloc.result import Bounds, Result
 from factorloc.trajectory import Trajectory
 from factorloc.viewer import (
     NullViewer,
@@ -31,7 +32,9 @@ from factorloc.viewer import (
     plot_error_coloured_path,
     plot_errors_over_time,
     plot_map_and_trajectories,
+    save_figure,
 )
+from factorloc.viewer.bounds_plot import plot_feasible_sets
 
 __all__ = ["RunFolder", "new_run_folder"]
 
@@ -106,6 +109,26 @@ class RunFolder:
                 temporary.open("wb") as stream,
             ):
                 np.save(stream, result.trajectory.covariances, allow_pickle=False)
+
+    def write_bounds(self, name: str, bounds: Sequence[Bounds], violated: npt.ArrayLike) -> None:
+        """Write feasible sets as ``<name>_bounds.json``: headings (rad), polygons (m), and what was violated."""
+        self._wrote(f"{name} bounds", f"{name}_bounds.json")
+        sets = [
+            {"orientation": one.orientation, "polygons": [np.asarray(p).tolist() for p in one.polygons],
+             "assumptions violated": bool(flag)}
+            for one, flag in zip(bounds, np.asarray(violated), strict=True)
+        ]  # fmt: skip
+        write_text(self.files[f"{name} bounds"], json.dumps(sets) + "\n")
+
+    def draw_bounds(self, facade_map: FacadeMap, name: str, result: Result) -> None:
+        """Draw feasible sets and the trajectory over a facade map, ``bounds.png``."""
+        if self.plots and result.bounds is not None:
+            self._wrote("bounds figure", "bounds.png")
+            figure = plot_feasible_sets(
+                facade_map.facades.segments, result.bounds, {name: result.trajectory.positions[:, :2]},
+                every=max(len(result.bounds) // 20, 1), attribution=facade_map.attribution,
+            )  # fmt: skip
+            save_figure(figure, self.files["bounds figure"])
 
     def write_account(self, results: Mapping[str, Result], **facts: Any) -> None:
         """Write ``run.json``: what ran, on what, how long, why it stopped and what was left out."""
