@@ -10,6 +10,7 @@ import typer
 from factorloc.cli.console import Threads, console, progress_bar, use_threads
 from factorloc.cli.localize_facades import localize_among_facades
 from factorloc.cli.localize_methods import Method, by_particles, by_smoothing
+from factorloc.cli.pole_localization import localize_among_poles
 from factorloc.cli.recording import Mount, reader_options
 from factorloc.cli.selection import SELECTION_HELP, select_scans
 
@@ -22,7 +23,9 @@ __all__ = ["localize"]
 def localize(
     map_file: Annotated[
         Path,
-        typer.Argument(metavar="MAP", help="Map file of [green]factorloc map build[/green]; not with --facades."),
+        typer.Argument(
+            metavar="[MAP]", help="Map file of [green]factorloc map build[/green]; none with --poles, --facades."
+        ),
     ],
     log: Annotated[
         Path | None, typer.Argument(help="Recording; where it holds no odometry, its lidar scans give some.")
@@ -34,6 +37,9 @@ def localize(
     known_to: Annotated[
         tuple[float, float], typer.Option(metavar="M DEG", help="With --facades: how well the start is known.")
     ] = (5.0, 5.0),
+    poles: Annotated[
+        Path | None, typer.Option(help="Map of poles (.geojson, .h5, .npz) to localize in, instead of MAP.")
+    ] = None,
     truth: Annotated[
         Path | None, typer.Option(help="Corrected log that belongs to a raw one: its scans are localized and judged.")
     ] = None,
@@ -88,6 +94,8 @@ def localize(
     [green]factorloc localize intel.h5 intel.clf.bz2 --method mcl --global[/green]
 
     [green]factorloc localize --facades town.osm kitti/sequences/07 --start 12 3 90[/green]
+
+    [green]factorloc localize --poles town.geojson kitti/sequences/07[/green]
     """
     from dataclasses import replace
 
@@ -98,18 +106,25 @@ def localize(
     from factorloc.geometry import se3
     from factorloc.localization import with_lidar_odometry
     from factorloc.localization.run_folder import RunFolder, new_run_folder
-    from factorloc.mapping import read_map
+    from factorloc.mapping import read_map, read_pole_map
     from factorloc.trajectory import Trajectory
 
     use_threads(threads)
     if anywhere and (method is Method.SMOOTHER or start is not None):
         raise ConfigError("--global: begins anywhere, by particles; use it with --method mcl and without --start")
-    if facades is None and log is None:
-        raise ConfigError("recording: missing; give MAP and LOG, or --facades MAP and LOG")
-    if facades is not None and log is not None:
-        raise ConfigError(f"{map_file}: a map beside --facades; give the recording alone")
-    log = map_file if log is None else log
-    statistics = None if facades is not None else read_map(map_file)
+    if poles is not None and facades is not None:
+        raise ConfigError("--poles, --facades: two maps; give one")
+    landmarks = poles or facades
+    if landmarks is not None:
+        if log is not None or anywhere:
+            raise ConfigError(
+                f"{landmarks}: takes the place of MAP, and begins somewhere; give one recording, no --global"
+            )
+        log = map_file
+    elif log is None:
+        raise ConfigError("LOG: missing; give a map and a recording, or --poles or --facades and a recording")
+    statistics = None if landmarks is not None else read_map(map_file)
+    pole_map = None if poles is None else read_pole_map(poles)
     options = reader_options(mount) if truth is None else {"truth": truth}
     drive: Drive = open_drive(log, **options)
     planar = drive.dimension == 2
@@ -133,11 +148,17 @@ def localize(
     else:
         raise DataError(f"{log}: holds no true poses to start from; say where it begins with --start X Y HEADING")
     if facades is not None:
-        if pose is None:
-            raise ConfigError("--global: facades need a start that is known roughly; give --start X Y HEADING")
+        assert pose is not None  # else MAP was read
         localize_among_facades(facades, drive, pose if planar else se3.to_se2(pose), known_to, config, output, plots)
         return
-    assert statistics is not None
+    if statistics is None:
+        assert poles is not None and pole_map is not None and pose is not None  # else MAP was read
+        if planar:
+            raise DataError(f"{log}: planar scans; poles are found in scans of space")
+        localize_among_poles(
+            pole_map, poles.name, drive, pose, method, config, output, particles=particles, seed=seed, plots=plots
+        )
+        return
     if method is Method.MCL or pose is None:
         settings, results = by_particles(
             statistics, drive, pose, config, model=model, floor=floor, particles=particles, height=height, seed=seed
