@@ -13,22 +13,21 @@ from __future__ import annotations
 
 import sys
 import time
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 from rich.progress import track as progress_of
-from rich.table import Table
 
 from benchmarks.harness import Benchmark, arguments, new_console, one_line_errors
+from benchmarks.longterm_outcomes import COLUMNS, METHODS, LongtermBenchmark, Outcome
 from benchmarks.longterm_picture import longterm_picture
 from benchmarks.longterm_poles import detect, make_map
 from benchmarks.longterm_sessions import LongtermWorld, Recording, record
 from factorloc.config import Block, read_config
 from factorloc.factors import PoleDetections, PoleLandmarks
-from factorloc.geometry import se3, wrap
+from factorloc.geometry import se3
 from factorloc.localization import AroundPose
 from factorloc.localization.moved_poles import visibility
 from factorloc.localization.pole_filter import PoleFilterSettings, filter_poles
@@ -40,7 +39,6 @@ from factorloc.mapping.pole_mapping import PoleMappingSettings
 from factorloc.simulation.poles import PoleKind
 
 SETTINGS = Path(__file__).with_name("poles_longterm.json")
-METHODS = ("filter", "smoother")
 
 Array = npt.NDArray[np.float64]
 
@@ -88,31 +86,6 @@ class LongtermSettings(LongtermWorld):
     def world(self) -> LongtermWorld:
         """The world alone: recordings do not follow from the rest."""
         return LongtermWorld(**{name: getattr(self, name) for name in LongtermWorld.model_fields})
-
-
-@dataclass
-class Outcome:
-    """Errors of one method in one session, run by run: (R, N) m and deg, and seconds."""
-
-    position: list[Array] = field(default_factory=list)
-    angle: list[Array] = field(default_factory=list)
-    seconds: list[float] = field(default_factory=list)
-
-    def add(self, poses: Array, truth: Array, seconds: float) -> None:
-        """Compare a path with the truth."""
-        self.position.append(np.hypot(*(poses[:, :2] - truth[:, :2]).T))
-        self.angle.append(np.degrees(np.abs(wrap(poses[:, 2] - truth[:, 2]))))
-        self.seconds.append(seconds)
-
-    def row(self) -> tuple[float, float, float, float]:
-        """Mean and RMSE of positions and of headings, each averaged over the runs."""
-        both = (np.array(self.position), np.array(self.angle))
-        values = [(float(e.mean()), float(np.sqrt((e**2).mean(1)).mean())) for e in both]
-        return (*values[0], *values[1])
-
-    def longest_above(self, limit: float, spacing: float) -> float:
-        """Longest way in one piece on which a run was farther off than a limit, m."""
-        return max(_longest(errors > limit) for errors in self.position) * spacing
 
 
 @one_line_errors
@@ -234,7 +207,7 @@ def summarize(
     goals, spacing = settings.goals, settings.lidar.spacing
     rows = {who: np.array([by[who].row() for by in outcomes.values()]).mean(0) for who in METHODS}
     for who, row in rows.items():
-        for name, value, unit in zip(_COLUMNS, row, ("m", "m", "deg", "deg"), strict=True):
+        for name, value, unit in zip(COLUMNS, row, ("m", "m", "deg", "deg"), strict=True):
             bench.figure(f"{who}: {name}, all sessions", value, unit)
         longest = max(by[who].longest_above(goals.limit, spacing) for by in outcomes.values())
         bench.figure(f"{who}: longest way above {goals.limit:g} m", longest, "m")
@@ -272,33 +245,6 @@ def summarize(
         )
 
 
-_COLUMNS = ("position error", "position RMSE", "heading error", "heading RMSE")
-
-
-class LongtermBenchmark(Benchmark):
-    """Sessions in the form of table 12.1, both methods side by side."""
-
-    def session(self, number: int, fraction: float, outcomes: dict[str, Outcome]) -> None:
-        """Add a row."""
-        self.figure(f"session {number:02d}: f_map", 100 * fraction, "%")
-        for who, outcome in outcomes.items():
-            for name, value, unit in zip(_COLUMNS, outcome.row(), ("m", "m", "deg", "deg"), strict=True):
-                self.figure(f"session {number:02d}: {who}: {name}", value, unit)
-
-    def _figure_table(self) -> Table:
-        table = Table("session", title=f"{self.name} (filter as published | smoother)", title_justify="left")
-        for header in ("f_map\n%", *("pos\nm", "RMSE\nm", "ang\ndeg", "RMSE\ndeg") * len(METHODS)):
-            table.add_column(header, justify="right")
-        names = dict.fromkeys(name.split(": ")[0] for name in self.figures if name.endswith(": f_map"))
-        for name in names:
-            cells = [f"{self.figures[f'{name}: {who}: {column}'][0]:.3f}" for who in METHODS for column in _COLUMNS]
-            table.add_row(name.removeprefix("session "), f"{self.figures[f'{name}: f_map'][0]:.1f}", *cells)
-        rest = [name for name in self.figures if name.split(": ")[0] not in names]
-        table.caption = "\n".join(f"{name}: {self.figures[name][0]:.4g} {self.figures[name][1]}" for name in rest)
-        table.caption_justify = "left"
-        return table
-
-
 def _numbers(settings: LongtermSettings, only: tuple[int, ...], quick: bool) -> list[int]:
     if tuple(only) != (-1,):
         return sorted(number for number in set(only) if 0 <= number < settings.sessions)
@@ -318,12 +264,6 @@ def _moved_barrels(settings: LongtermSettings, numbers: list[int]) -> dict[int, 
     stands = [(pole.x, pole.y) for pole in town.session(late[0]).poles if pole.kind is PoleKind.BARREL]
     after = np.array(stands)
     return dict.fromkeys(late, (after - shift, after))
-
-
-def _longest(flags: npt.NDArray[np.bool_]) -> int:
-    """Length of the longest run of true flags."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
-    return int((edges[1::2] - edges[::2]).max(initial=0))
 
 
 if __name__ == "__main__":
