@@ -242,8 +242,14 @@ def _start(pose: Array, settings: SimulatedSettings, rng: np.random.Generator) -
 
 
 def _add(
-    found: Outcomes, step: FacadeStep, points: FacadePoints, lines: WallLines, pose: Array, bounds: Bounds, settings: FacadeSettings
-) -> None:  # fmt: skip
+    found: Outcomes,
+    step: FacadeStep,
+    points: FacadePoints,
+    lines: WallLines,
+    pose: Array,
+    bounds: Bounds,
+    settings: FacadeSettings,
+) -> None:
     found.sets.append(bounds)
     found.truth.append(pose)
     found.violated.append(step.feasible.violated)

@@ -59,7 +59,7 @@ class LeastSquaresSettings(Block):
     shift_sigma: float = Field(0.25, gt=0)
     vertex_sigma: float = Field(0.5, gt=0)
     max_iterations: int = Field(40, gt=0)
-    tolerance: float = Field(1e-4, gt=0)
+    tolerance: float = Field(1e-3, gt=0)
     initial_damping: float = Field(1e-4, gt=0)
     damping_factor: float = Field(10.0, gt=1)
     max_damping: float = Field(1e8, gt=0)
@@ -189,7 +189,7 @@ def solve_pairs(
     cost = problem.cost(pose, nuisance)
     damping, held, history = settings.initial_damping, 0, list[Iteration]()
     stop = StopReason.MAX_ITERATIONS
-    H = problem.linearize(pose, nuisance)[0]
+    H = np.zeros((3 + problem.unknowns,) * 2)
     for _ in range(settings.max_iterations):
         H, g = problem.linearize(pose, nuisance)
         before, trials, small = cost, 0, False

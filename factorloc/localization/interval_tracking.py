@@ -15,14 +15,13 @@ from factorloc.config import Block
 from factorloc.errors import GeometryError
 from factorloc.factors.prior import PosePrior
 from factorloc.geometry import se2
-from factorloc.intervals import Interval, rotate
 from factorloc.localization.bounded_least_squares import BoundedEstimate, LeastSquaresSettings, estimate_in_bounds
+from factorloc.localization.bounded_motion import OdometryBounds, propagate, widen
 from factorloc.localization.correspondences import Correspondences, CorrespondenceSettings, find_correspondences
 from factorloc.localization.feasible_set import (
     FeasibleSet,
     FeasibleSettings,
     hull_of,
-    hull_of_points,
     intersect_correspondences,
 )
 from factorloc.localization.wall_lines import WallLines
@@ -30,49 +29,9 @@ from factorloc.mapping.facade_points import FacadePoints, ReductionSettings, Sca
 from factorloc.result import Bounds, Result, StopReason
 from factorloc.trajectory import Trajectory
 
-__all__ = [
-    "FacadeDriveSettings",
-    "FacadeSettings",
-    "FacadeStep",
-    "FacadeTrack",
-    "OdometryBounds",
-    "localize_scan",
-    "propagate",
-    "track_facades",
-]
+__all__ = ["FacadeDriveSettings", "FacadeSettings", "FacadeStep", "FacadeTrack", "localize_scan", "track_facades"]
 
 Array = npt.NDArray[np.float64]
-
-
-class OdometryBounds(Block):
-    """Greatest errors of a measured motion of the body between two scans.
-
-    Parameters
-    ----------
-    along_per_metre, across_per_metre : float
-        Along and across the body, part of the way.
-    turn_per_metre, turn_per_turn : float
-        Of the turn: rad/m and rad/rad.
-    least_length, least_turn : float
-        What is added to each, m and rad.
-    """
-
-    along_per_metre: float = Field(0.02, ge=0)
-    across_per_metre: float = Field(0.01, ge=0)
-    turn_per_metre: float = Field(0.001, ge=0)
-    turn_per_turn: float = Field(0.02, ge=0)
-    least_length: float = Field(0.005, ge=0)
-    least_turn: float = Field(0.0005, ge=0)
-
-    def errors(self, motion: npt.ArrayLike) -> Array:
-        """Greatest errors ``[along, across, turn]`` of a motion ``[x, y, theta]``."""
-        x, y, turn = np.asarray(motion, np.float64)
-        way = math.hypot(x, y)
-        return np.array([
-            self.along_per_metre * way + self.least_length,
-            self.across_per_metre * way + self.least_length,
-            self.turn_per_metre * way + self.turn_per_turn * abs(turn) + self.least_turn,
-        ])  # fmt: skip
 
 
 class FacadeSettings(Block):
@@ -91,6 +50,11 @@ class FacadeSettings(Block):
     margin_position, margin_heading : float
         A tracked set is widened by so much before facades are associated (m, rad): lines at its border are to be seen
         whole. The result is intersected with the set itself.
+    forgetting_position, forgetting_heading : float
+        A tracked set is widened by so much before every scan (m, rad): bounds of a scan that broke the assumptions
+        unnoticed wear off. Zero trusts every scan for good.
+    recovery_position, recovery_heading : float
+        After a scan that violates the assumptions it is widened by so much (m, rad): what violates them may be the set.
     prior_position, prior_heading : float
         Standard deviations of the last estimate carried along, m and rad; they hold what facades do not.
     """
@@ -101,6 +65,10 @@ class FacadeSettings(Block):
     odometry: OdometryBounds = OdometryBounds()
     margin_position: float = Field(0.5, ge=0)
     margin_heading: float = Field(math.radians(0.5), ge=0)
+    forgetting_position: float = Field(0.05, ge=0)
+    forgetting_heading: float = Field(math.radians(0.05), ge=0)
+    recovery_position: float = Field(2.0, ge=0)
+    recovery_heading: float = Field(math.radians(1.0), ge=0)
     prior_position: float = Field(0.5, gt=0)
     prior_heading: float = Field(math.radians(1.0), gt=0)
 
@@ -218,46 +186,6 @@ def middle_of(bounds: Bounds) -> Array:
     return np.array([*polygon.mean(0), 0.5 * (bounds.orientation[0] + bounds.orientation[1])])
 
 
-def propagate(bounds: Bounds, motion: npt.ArrayLike, errors: npt.ArrayLike) -> Bounds:
-    """Carry a feasible set along by a motion with bounded errors.
-
-    Parameters
-    ----------
-    bounds : Bounds
-        Before.
-    motion : array_like, shape (3,)
-        ``T_before_after`` as measured.
-    errors : array_like, shape (3,)
-        Greatest errors of ``[x, y, theta]``.
-
-    Returns
-    -------
-    Bounds
-        Every pose of the set, moved by any of these motions, is in it.
-    """
-    (x, y, turn), (dx, dy, dturn) = np.asarray(motion, np.float64), np.asarray(errors, np.float64)
-    theta = Interval(*bounds.orientation)
-    way_x, way_y = rotate(theta, Interval.around(x, dx), Interval.around(y, dy))
-    low, high = np.array([way_x.lo, way_y.lo]), np.array([way_x.hi, way_y.hi])
-    after = theta + Interval.around(turn, dturn)
-    return Bounds((float(after.lo), float(after.hi)), tuple(_swept(polygon, low, high) for polygon in bounds.polygons))
-
-
-def widen(bounds: Bounds, position: float, heading: float) -> Bounds:
-    """Widen a feasible set by a square of half side ``position`` (m) and by ``heading`` (rad)."""
-    low, high = bounds.orientation
-    square = np.full(2, position)
-    return Bounds((low - heading, high + heading), tuple(_swept(one, -square, square) for one in bounds.polygons))
-
-
-def _swept(polygon: Array, low: Array, high: Array) -> Array:
-    """Minkowski sum of a convex polygon and a box, rounded outwards."""
-    slack = 1e-12 * (1.0 + float(np.abs(polygon).max()))
-    corners = np.array([[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]])
-    corners += slack * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-    return hull_of_points((polygon[:, None] + corners).reshape(-1, 2))
-
-
 def track_facades(
     scans: Sequence[FacadePoints],
     stamps: npt.ArrayLike,
@@ -315,7 +243,14 @@ def track_facades(
     for k, points in enumerate(scans):
         prior = None
         if k:
-            slices = tuple(propagate(one, moves[k - 1], errors[k - 1]) for one in slices)
+            slices = tuple(
+                widen(
+                    propagate(one, moves[k - 1], errors[k - 1]),
+                    settings.forgetting_position,
+                    settings.forgetting_heading,
+                )
+                for one in slices
+            )
             known = hull_of(slices)
             if pose is not None:
                 pose = se2.compose(pose, moves[k - 1])
@@ -324,6 +259,9 @@ def track_facades(
         step = localize_scan(points, walls, around, pose, within=slices, prior=prior, settings=settings)
         if step.estimate is not None:
             slices, known, pose = step.feasible.slices, step.feasible.bounds, step.estimate.pose
+        else:
+            slices = tuple(widen(one, settings.recovery_position, settings.recovery_heading) for one in slices)
+            known = hull_of(slices)
         pose = known.nearest(middle_of(known) if pose is None else pose)
         steps.append(step)
         poses.append(pose)

@@ -95,7 +95,7 @@ def plot_associated_points(
         color = OKABE_ITO[number % len(OKABE_ITO)]
         axes.plot(*ends[of == facade].T, ".", color=color, markersize=2.5, zorder=4)
         axes.plot(*np.asarray(walls)[facade].T, color=color, linewidth=3.0, alpha=0.5, zorder=3)
-    axes.plot([], [], ".", color=OKABE_ITO[0], label=f"points of {len(used)} facades, in its colour")
+    axes.plot([], [], ".", color=OKABE_ITO[0], label=f"points of {len(used)} facades, a colour each")
     if bounds is not None:
         draw_bounds(axes, bounds, label="feasible positions")
     legend_above(axes)

@@ -8,6 +8,7 @@ from factorloc.errors import GeometryError
 from factorloc.evaluation.bounds import bound_coverage, bound_radii
 from factorloc.geometry import se2
 from factorloc.localization.bounded_least_squares import LeastSquaresSettings, estimate_in_bounds
+from factorloc.localization.bounded_motion import OdometryBounds, propagate
 from factorloc.localization.correspondences import (
     Correspondence,
     CorrespondenceSettings,
@@ -15,13 +16,7 @@ from factorloc.localization.correspondences import (
     find_correspondences,
 )
 from factorloc.localization.feasible_set import FeasibleSettings, intersect_correspondences
-from factorloc.localization.interval_tracking import (
-    FacadeSettings,
-    OdometryBounds,
-    localize_scan,
-    propagate,
-    track_facades,
-)
+from factorloc.localization.interval_tracking import FacadeSettings, localize_scan, track_facades
 from factorloc.localization.wall_lines import WallLines
 from factorloc.mapping.facades import Facades
 from factorloc.result import Bounds

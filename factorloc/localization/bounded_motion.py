@@ -1,0 +1,89 @@
+"""Motions with bounded errors, and feasible sets carried along by them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field
+
+from factorloc.config import Block
+from factorloc.intervals import Interval, rotate
+from factorloc.localization.feasible_set import hull_of_points
+from factorloc.result import Bounds
+
+__all__ = ["OdometryBounds", "propagate", "widen"]
+
+Array = npt.NDArray[np.float64]
+
+
+class OdometryBounds(Block):
+    """Greatest errors of a measured motion of the body between two scans.
+
+    Parameters
+    ----------
+    along_per_metre, across_per_metre : float
+        Along and across the body, part of the way.
+    turn_per_metre, turn_per_turn : float
+        Of the turn: rad/m and rad/rad.
+    least_length, least_turn : float
+        What is added to each, m and rad.
+    """
+
+    along_per_metre: float = Field(0.02, ge=0)
+    across_per_metre: float = Field(0.01, ge=0)
+    turn_per_metre: float = Field(0.001, ge=0)
+    turn_per_turn: float = Field(0.02, ge=0)
+    least_length: float = Field(0.005, ge=0)
+    least_turn: float = Field(0.0005, ge=0)
+
+    def errors(self, motion: npt.ArrayLike) -> Array:
+        """Greatest errors ``[along, across, turn]`` of a motion ``[x, y, theta]``."""
+        x, y, turn = np.asarray(motion, np.float64)
+        way = math.hypot(x, y)
+        return np.array([
+            self.along_per_metre * way + self.least_length,
+            self.across_per_metre * way + self.least_length,
+            self.turn_per_metre * way + self.turn_per_turn * abs(turn) + self.least_turn,
+        ])  # fmt: skip
+
+
+def propagate(bounds: Bounds, motion: npt.ArrayLike, errors: npt.ArrayLike) -> Bounds:
+    """Carry a feasible set along by a motion with bounded errors.
+
+    Parameters
+    ----------
+    bounds : Bounds
+        Before.
+    motion : array_like, shape (3,)
+        ``T_before_after`` as measured.
+    errors : array_like, shape (3,)
+        Greatest errors of ``[x, y, theta]``.
+
+    Returns
+    -------
+    Bounds
+        Every pose of the set, moved by any of these motions, is in it.
+    """
+    (x, y, turn), (dx, dy, dturn) = np.asarray(motion, np.float64), np.asarray(errors, np.float64)
+    theta = Interval(*bounds.orientation)
+    way_x, way_y = rotate(theta, Interval.around(x, dx), Interval.around(y, dy))
+    low, high = np.array([way_x.lo, way_y.lo]), np.array([way_x.hi, way_y.hi])
+    after = theta + Interval.around(turn, dturn)
+    return Bounds((float(after.lo), float(after.hi)), tuple(_swept(polygon, low, high) for polygon in bounds.polygons))
+
+
+def widen(bounds: Bounds, position: float, heading: float) -> Bounds:
+    """Widen a feasible set by a square of half side ``position`` (m) and by ``heading`` (rad)."""
+    low, high = bounds.orientation
+    square = np.full(2, position)
+    return Bounds((low - heading, high + heading), tuple(_swept(one, -square, square) for one in bounds.polygons))
+
+
+def _swept(polygon: Array, low: Array, high: Array) -> Array:
+    """Minkowski sum of a convex polygon and a box, rounded outwards."""
+    slack = 1e-12 * (1.0 + float(np.abs(polygon).max()))
+    corners = np.array([[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]])
+    corners += slack * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    return hull_of_points((polygon[:, None] + corners).reshape(-1, 2))
