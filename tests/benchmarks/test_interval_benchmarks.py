@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import interval_containment, intervals
+from benchmarks import interval_containment, interval_speed
 from benchmarks.interval_samples import CONSTRAINTS, EXTENDED, OPERATIONS
 
 
@@ -23,9 +23,11 @@ def test_no_number_is_lost(tmp_path: Path) -> None:
 
 
 def test_loops_are_timed_and_compared(tmp_path: Path) -> None:
-    code = intervals.main([*files(tmp_path), "--points", "300", "--facades", "12", "--rounds", "2"])
+    code = interval_speed.main([*files(tmp_path), "--points", "300", "--facades", "12", "--rounds", "2"])
     run = json.loads((tmp_path / "run.json").read_text())
     assert code in (0, 1)  # times of so few points mean nothing
     assert run["goals"][0]["name"] == "rotation and translation: rounded / unrounded"
-    assert {intervals.MOVE, intervals.SECTOR, intervals.HEADING, intervals.CLIP} <= set(run["figures"])
+    assert {interval_speed.MOVE, interval_speed.SECTOR, interval_speed.HEADING, interval_speed.CLIP} <= set(
+        run["figures"]
+    )
     assert (tmp_path / "run.png").stat().st_size > 0
