@@ -31,6 +31,7 @@ import platformdirs
 import shapely
 
 from benchmarks.district_settings import SETTINGS, DistrictSettings
+from benchmarks.district_shots import DistrictDrive, Shots
 from benchmarks.district_streets import PATH_STEP, Streets, read_streets
 from benchmarks.district_towns import turned_town
 from benchmarks.district_world import Built, build
@@ -55,47 +56,6 @@ EXTRACT = "kitti_raw_0005/2011_09_26_drive_0005_sync.osm"
 """Where the extract lies in the data folder."""
 
 _RIM = 15.0  # m of street beyond the outermost buildings
-
-
-@dataclass(frozen=True)
-class Shots:
-    """Single poses.
-
-    Parameters
-    ----------
-    T_world_body : ndarray, shape (N, 4, 4)
-        True poses, tilt and height included.
-    scans : StoredScans
-        One a pose.
-    """
-
-    T_world_body: Array
-    scans: StoredScans
-
-    def __len__(self) -> int:
-        return len(self.T_world_body)
-
-    @property
-    def poses(self) -> Array:
-        """True x, y and heading, (N, 3)."""
-        T = self.T_world_body
-        return np.column_stack([T[:, 0, 3], T[:, 1, 3], np.arctan2(T[:, 1, 0], T[:, 0, 0])])
-
-
-@dataclass(frozen=True)
-class DistrictDrive(Shots):
-    """A drive.
-
-    Parameters
-    ----------
-    odometry : ndarray, shape (N - 1, 3)
-        Measured motions in the body frame at the first of two scans, m and rad.
-    odometry_bounds : ndarray, shape (N - 1, 3)
-        Their greatest errors, as the settings tell from what was measured.
-    """
-
-    odometry: Array
-    odometry_bounds: Array
 
 
 @dataclass(frozen=True)
