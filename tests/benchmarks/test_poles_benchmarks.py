@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,10 @@ from factorloc.config import read_config
 from factorloc.mapping import LocalMap, PoleMap, Poles, local_maps
 from factorloc.mapping.grid import Grid
 from factorloc.simulation import StreetSettings, vlp_16
+
+full_size = pytest.mark.skipif(
+    os.environ.get("NUMBA_DISABLE_JIT", "0") != "0", reason="local maps of full size want compiled kernels"
+)
 
 
 def test_matching_takes_as_many_as_possible_and_one_each() -> None:
@@ -40,6 +45,7 @@ def test_rates_count_only_what_local_maps_cover() -> None:
     assert rates.position_sigma == pytest.approx(0.1 / np.sqrt(2))
 
 
+@full_size
 def test_truth_has_returns_where_the_lidar_has_seen_it() -> None:
     street = StreetSettings(length=120.0)
     stretch = next(street_stretches(street, vlp_16(columns=900), 5, 5.0, 2))
@@ -52,6 +58,7 @@ def test_truth_has_returns_where_the_lidar_has_seen_it() -> None:
     assert part.returns.sum() < stretch.returns.sum()
 
 
+@full_size
 def test_clipped_rays_lie_within_the_grid_and_end_where_they_did() -> None:
     stretch = next(street_stretches(StreetSettings(length=120.0), vlp_16(columns=400), 5, 2.0, 2))
     grid = Grid(tuple(np.floor(stretch.centre) - [5, 5, 2]), 0.1, (100, 100, 30))
@@ -73,6 +80,7 @@ def test_settings_are_read_and_frozen_rates_say_how_they_were_measured() -> None
 
 
 @pytest.mark.data
+@full_size
 def test_the_frozen_rates_are_those_of_the_drive(data_dir: Path) -> None:
     settings = read_config(poles_kitti.SETTINGS, poles_kitti.PolesKittiSettings)
     frames = read_frames(data_dir, settings.range_limits)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,6 +14,10 @@ from factorloc.cli.app import app
 from factorloc.errors import DataError, MapError
 from factorloc.mapping import PoleMap, Poles, read_pole_map, write_pole_map
 from factorloc.simulation import StreetSettings, hdl_32e, simulate_drive, street_route, street_scene, write_kitti
+
+full_size = pytest.mark.skipif(
+    os.environ.get("NUMBA_DISABLE_JIT", "0") != "0", reason="local maps of full size want compiled kernels"
+)
 
 
 @pytest.fixture(scope="module")
@@ -34,6 +39,7 @@ def run(*arguments: str) -> str:
     return " ".join(result.output.split())
 
 
+@full_size
 def test_a_drive_becomes_a_map_with_its_place_and_picture(recorded: Path, tmp_path: Path) -> None:
     output = tmp_path / "poles.geojson"
     told = run("map", "poles", str(recorded / "sequences" / "00"), "-o", str(output), "--origin", "49", "8.4", "30")
@@ -47,6 +53,7 @@ def test_a_drive_becomes_a_map_with_its_place_and_picture(recorded: Path, tmp_pa
     assert "found where in view" in told
 
 
+@full_size
 def test_settings_may_come_from_a_file_and_finding_nothing_is_one_line(recorded: Path, tmp_path: Path) -> None:
     settings = tmp_path / "strict.toml"
     settings.write_text("[poles]\nleast_score = 0.999\nleast_height = 4.9\n", encoding="utf-8")

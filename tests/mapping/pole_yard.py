@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import os
+
 import numpy as np
 import numpy.typing as npt
+import pytest
 
 from factorloc.geometry import se3
 from factorloc.scan import RayStatus, Scan
 
 Array = npt.NDArray[np.float64]
+
+full_size = pytest.mark.skipif(
+    os.environ.get("NUMBA_DISABLE_JIT", "0") != "0", reason="local maps of full size want compiled kernels"
+)
 
 POLES = np.array([[4.03, 3.11, 0.15], [-3.0, 4.5, 0.30], [5.2, -4.07, 0.10], [-4.4, -2.9, 0.40]])
 """x, y and width, m; from the ground up to 4 m."""

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from pole_yard import POLES, drive
+from pole_yard import POLES, drive, full_size
 from scipy.special import betaincc, betaln
 
 from factorloc.errors import ConfigError, MapError
@@ -128,6 +128,7 @@ def yard() -> tuple[list[Scan], np.ndarray]:
     return drive()
 
 
+@full_size
 @pytest.mark.parametrize(
     # In cells of 0.1 m, only the near half of the thick poles is ever seen: their boxes are not full.
     ("settings", "reach", "least"),
@@ -145,6 +146,7 @@ def test_poles_are_found_where_they_stand(
     assert poles.spans.min() > -0.3
 
 
+@full_size
 def test_fitted_axes_and_widths_are_finer_than_cells(yard: tuple[list[Scan], np.ndarray]) -> None:
     poles = PoleExtractor(BY_EVIDENCE).extract(*yard)
     distances = np.linalg.norm(poles.positions[:, None] - POLES[:, :2], axis=-1)
@@ -154,6 +156,7 @@ def test_fitted_axes_and_widths_are_finer_than_cells(yard: tuple[list[Scan], np.
     assert np.linalg.norm(coarse.positions[:, None] - POLES[:, :2], axis=-1).min(0).max() > 0.03
 
 
+@full_size
 def test_evidence_bridges_gaps_between_beams_that_break_published_stacks() -> None:
     scans, poses = drive(beams=12, count=2)
     published = PoleExtractor(BY_EVIDENCE.replaced(evidence=None, fit=False)).extract(scans, poses)
@@ -173,6 +176,7 @@ def test_the_raster_of_windows_is_that_of_the_frame() -> None:
         extractor.window([np.nan, 0, 0])
 
 
+@full_size
 def test_another_frame_moves_the_poles_along(yard: tuple[list[Scan], np.ndarray]) -> None:
     scans, poses = yard
     T = np.array([100.0, -50.0, 0.7])
@@ -182,6 +186,7 @@ def test_another_frame_moves_the_poles_along(yard: tuple[list[Scan], np.ndarray]
     assert distances.min(1).max() < 0.05
 
 
+@full_size
 def test_no_scans_no_returns_and_no_poles_are_none(yard: tuple[list[Scan], np.ndarray]) -> None:
     scans, poses = yard
     extractor = PoleExtractor(BY_EVIDENCE)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from pole_yard import POLES, drive
+from pole_yard import POLES, drive, full_size
 
 from factorloc.errors import MapError
 from factorloc.geometry import se2
@@ -87,6 +87,7 @@ def test_what_is_seen_too_rarely_is_left_out() -> None:
         confirmed(found, 4, 3)
 
 
+@full_size
 @pytest.mark.parametrize("axes", ["reference", "world"])
 def test_local_maps_are_in_the_frame_of_their_newest_pose(axes: str) -> None:
     scans, poses = drive()
@@ -104,6 +105,7 @@ def test_local_maps_are_in_the_frame_of_their_newest_pose(axes: str) -> None:
         assert not each.covers([[100.0, 0.0]]).any()
 
 
+@full_size
 def test_a_map_of_two_sessions_counts_and_grows_only_on_new_ground() -> None:
     scans, poses = drive()
     path = Trajectory(np.arange(5.0), poses)
@@ -129,6 +131,7 @@ def test_a_map_of_two_sessions_counts_and_grows_only_on_new_ground() -> None:
     assert found.sessions == ("first", "again", "elsewhere")
 
 
+@full_size
 def test_nothing_to_map_is_said_in_one_line() -> None:
     scans, poses = drive(count=2)
     path = Trajectory(np.arange(2.0), poses)
