@@ -50,6 +50,8 @@ RUNS = {
     "mcl_speed": Run("mcl_speed"),
     "maps_large": Run("maps_large"),
     "interval_speed": Run("interval_speed"),
+    "facades_kitti0005": Run("facades_kitti0005", needs_data=True),
+    "facades_simulated": Run("facades_simulated", needs_data=True),
     "interval_containment": Run("interval_containment"),
 }
 """Every published table and ratio, by the name of its files."""

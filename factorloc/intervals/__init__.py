@@ -38,13 +38,15 @@ from factorloc.intervals.elementary import (
     sqrt,
     square,
 )
+from factorloc.intervals.hough import HoughAccumulator, HoughPeak
 from factorloc.intervals.interval import Interval, IntervalLike
 from factorloc.intervals.paving import Paving, pave
 from factorloc.intervals.regions import Ring, annulus, disk, half_plane, polygon, segment
 from factorloc.intervals.separator import Separator, relaxed_separator
 
 __all__ = [
-    "AnyOf", "Box", "Contractor", "ConvexPolygon", "Cosine", "Distance", "Fixpoint", "Heading", "InSequence",
+    "AnyOf", "Box", "Contractor", "ConvexPolygon", "Cosine", "Distance", "Fixpoint", "Heading", "HoughAccumulator",
+    "HoughPeak", "InSequence",
     "Interval", "IntervalLike", "Line", "Linear", "OnAxes", "Paving", "Polar", "Product", "Relaxed", "RigidMotion",
     "Ring", "SegmentHull", "Separator", "Sine", "Square", "Strips", "Sum", "acos", "annulus", "atan2", "cos",
     "cos_sin", "disk", "half_plane", "hypot", "lines_met", "maximum", "minimum", "move", "pave", "pi", "polygon",

@@ -1,10 +1,17 @@
 """Where the rooms meet: registration, tracking, smoothing, and the localizer that runs them in order.
 
 And Monte Carlo localization by particles: propagate, reweight, resample, estimate. Both among poles as well.
+And Monte Carlo localization by particles: propagate, reweight, resample, estimate. And localization among facades:
+feasible sets by intervals, and the most likely pose in them by bounded least squares.
 """
 
+from factorloc.localization.bounded_least_squares import BoundedEstimate, LeastSquaresSettings, estimate_in_bounds
+from factorloc.localization.bounded_motion import OdometryBounds, propagate
+from factorloc.localization.correspondences import CorrespondenceSettings, find_correspondences
 from factorloc.localization.derivative_free import RefinementSettings, refine
+from factorloc.localization.feasible_set import FeasibleSet, FeasibleSettings, intersect_correspondences
 from factorloc.localization.initialization import AroundPose, FreeSpace, Initialization, NormalStart
+from factorloc.localization.interval_tracking import FacadeSettings, FacadeTrack, localize_scan, track_facades
 from factorloc.localization.kld import KldSettings
 from factorloc.localization.landmark_smoother import LandmarkSolution, smooth_landmarks
 from factorloc.localization.lidar_odometry import (
@@ -29,13 +36,21 @@ from factorloc.localization.recovery import RecoverySettings
 from factorloc.localization.registration import Registration, RegistrationSettings, register, register_many
 from factorloc.localization.smoother import smooth
 from factorloc.localization.tracking import TrackingSettings, find_start, track
+from factorloc.localization.wall_lines import WallLines
 
 __all__ = [
     "AroundPose",
+    "BoundedEstimate",
+    "CorrespondenceSettings",
+    "FacadeSettings",
+    "FacadeTrack",
+    "FeasibleSet",
+    "FeasibleSettings",
     "FreeSpace",
     "Initialization",
     "KldSettings",
     "LandmarkSolution",
+    "LeastSquaresSettings",
     "LidarOdometry",
     "LidarOdometrySettings",
     "Localization",
@@ -44,6 +59,7 @@ __all__ = [
     "MonteCarloSettings",
     "MotionModel",
     "NormalStart",
+    "OdometryBounds",
     "OptimizerSettings",
     "ParticleEstimates",
     "ParticleFilter",
@@ -65,12 +81,18 @@ __all__ = [
     "TrackingSettings",
     "TurnDriveTurn",
     "filter_poles",
+    "WallLines",
+    "estimate_in_bounds",
+    "find_correspondences",
     "find_start",
+    "intersect_correspondences",
     "lidar_odometry",
     "localize",
     "localize_by_particles",
+    "localize_scan",
     "optimize",
     "persistence",
+    "propagate",
     "refine",
     "register",
     "register_many",
@@ -78,5 +100,6 @@ __all__ = [
     "smooth_landmarks",
     "smooth_poles",
     "track",
+    "track_facades",
     "with_lidar_odometry",
 ]

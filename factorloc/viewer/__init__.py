@@ -4,6 +4,7 @@ Every plot function returns a :class:`matplotlib.figure.Figure`; :func:`save_fig
 does both in one call. No window is opened and no global state of matplotlib is touched.
 """
 
+from factorloc.viewer.bounds_plot import plot_accumulator, plot_associated_points, plot_feasible_sets
 from factorloc.viewer.cost_plot import plot_cost_history
 from factorloc.viewer.error_plot import TimedErrors, plot_errors_over_time
 from factorloc.viewer.facade_plot import draw_facade_map, plot_facade_map
@@ -20,10 +21,13 @@ __all__ = [
     "View",
     "Viewer",
     "draw_facade_map",
+    "plot_accumulator",
+    "plot_associated_points",
     "plot_cost_history",
     "plot_error_coloured_path",
     "plot_errors_over_time",
     "plot_facade_map",
+    "plot_feasible_sets",
     "plot_map_and_trajectories",
     "plot_pole_map",
     "plot_scan",
