@@ -32,7 +32,8 @@ from factorloc.simulation.street import StreetSettings, street_route, street_sce
 street = StreetSettings(length=120.0)
 scene = street_scene(street, seed=3)
 first, second = (
-    fl.simulate_drive(scene.world, street_route(street, speed=6.0), hdl_32e(), seed=seed, period=0.25) for seed in (1, 2)
+    fl.simulate_drive(scene.world, street_route(street, speed=6.0), hdl_32e(), seed=seed, period=0.25)
+    for seed in (1, 2)
 )
 print(f"{len(first)} scans and {len(second)}, {first.truth.length:.0f} m each")
 
@@ -57,8 +58,7 @@ drawn = axes.scatter(*pole_map.positions.T, c=pole_map.detection_rates, s=12, zo
 axes.plot(*first.truth.positions[:, :2].T, lw=1, label="first drive")
 axes.set(aspect="equal", xlabel="x (m)", ylabel="y (m)")
 axes.legend(loc="upper right", fontsize=8)
-figure.colorbar(drawn, label="found / in view");
-
+figure.colorbar(drawn, label="found / in view")
 # %% [markdown]
 # ## The second drive
 #
