@@ -70,6 +70,8 @@ class LargeSettings(Block):
         What changes in it, and how far each session drives.
     count : int
         Sessions; each makes a partial map.
+    faster : float
+        How much faster each session is driven than the one before, m/s: else scans of two might be at the same poses.
     period : float
         Time between two scans, s; a quick run takes fewer of them.
     height : (float, float)
@@ -93,6 +95,7 @@ class LargeSettings(Block):
     town: TownSettings
     sessions: SessionSettings
     count: int = Field(gt=0)
+    faster: float = Field(ge=0)
     period: float = Field(gt=0)
     height: tuple[float, float]
     margin: float = Field(ge=0)
@@ -314,7 +317,8 @@ def session_scans(town: Town, number: int, job: Job) -> Iterator[tuple[Scan, Arr
         If the session is too short.
     """
     settings = job.settings
-    session = Sessions(town, settings.sessions).session(number)
+    speed = settings.sessions.speed + number * settings.faster
+    session = Sessions(town, settings.sessions.replaced(speed=speed)).session(number)
     lidar: SpatialLidar = hdl_64e(columns=job.columns) if job.columns else hdl_64e()
     drive = simulate_drive(
         session.world, session.route, lidar, seed=settings.seed + number, period=settings.period, keep_scans=False

@@ -182,7 +182,7 @@ def test_a_run_writes_its_report(
 
 def test_an_error_there_is_an_error_here(tmp_path: Path) -> None:
     given = Arguments(None, False, tmp_path / "a.json", tmp_path / "a.png", 1, {"columns": -1})
-    with pytest.raises(FactorlocError, match=r"process that maps: .*job\.json: columns"):
+    with pytest.raises(FactorlocError, match=r"process that maps: .*job\.json: Job: columns"):
         maps_large.run_apart(tmp_path, small(), given)
     assert maps_large_stream.work([str(tmp_path / "none")]) == 2
 

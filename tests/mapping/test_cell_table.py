@@ -37,9 +37,10 @@ def padded(values: np.ndarray, width: int = 20) -> np.ndarray:
     return np.pad(values, width, constant_values=OUTSIDE)
 
 
-def everywhere(shape: tuple[int, ...], width: int = 20) -> np.ndarray:
-    """All cells of a grid and some around it, (..., 3)."""
-    return np.moveaxis(np.indices([n + 2 * width for n in shape]) - width, 0, -1)
+def everywhere(shape: tuple[int, ...], width: int = 20, steps: tuple[int, ...] = (1, 1, 1)) -> np.ndarray:
+    """Cells of a grid and around it, (..., 3): all, or those at some steps along each axis."""
+    axes = [np.arange(-width, n + width, step) for n, step in zip(shape, steps, strict=True)]
+    return np.stack(np.meshgrid(*axes, indexing="ij"), -1)
 
 
 def dense(table: CellTable) -> np.ndarray:
@@ -52,7 +53,7 @@ def test_lookups_are_those_of_the_dense_array(grid, seed, patches) -> None:
     values = np.where(patchy(grid, rng, patches), rng.uniform(0, 9, grid.shape), OUTSIDE).astype(np.float32)
     table = CellTable.from_dense(grid, values, OUTSIDE)
     assert table.outside == OUTSIDE
-    cells = everywhere(grid.shape)[::3, ::2, ::5]
+    cells = everywhere(grid.shape, steps=(3, 2, 5))
     assert np.array_equal(table.at(cells), padded(values)[::3, ::2, ::5])
     assert np.array_equal(dense(table), values)
     assert (table.pool[1:] != OUTSIDE).any(1).all(), "no brick is kept for nothing"
