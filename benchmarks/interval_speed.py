@@ -176,8 +176,9 @@ def all_loops(rng: np.random.Generator, points: int, facades: int) -> dict[str, 
     near = Strips(np.cos(alpha), np.sin(alpha), offsets)
     wide = Box.of(x.inflate(0.3), y.inflate(0.3), ranges, bearings)
     start = ConvexPolygon.from_box(Box.around([0.0, 0.0], 2.0))
-    line = local.select(np.arange(5000))
-    cells = rng.integers(0, 360_000, 5000)
+    boxes = min(5000, points)
+    line = local.select(np.arange(boxes))
+    cells = rng.integers(0, 360_000, boxes)
     counts = np.zeros(360_000, np.int32)
     several = [Box.of(Interval.around(r + shift, 0.5)) for shift in rng.uniform(-0.6, 0.6, 20)]
     return {
@@ -199,9 +200,9 @@ def all_loops(rng: np.random.Generator, points: int, facades: int) -> dict[str, 
                 alpha_step=np.pi / 720,
                 d_step=0.1,
             ),
-            5000 * 360,
+            boxes * 360,
         ),
-        INCREMENTS: Loop(partial(scattered_increments, cells, counts, 360), 5000 * 360),
+        INCREMENTS: Loop(partial(scattered_increments, cells, counts, 360), boxes * 360),
         RELAXED: Loop(partial(relaxed_intersection, several, 4), points),
     }
 
