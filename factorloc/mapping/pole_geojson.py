@@ -22,7 +22,7 @@ from factorloc.mapping.georeference import WGS84, Georeference, convert
 from factorloc.mapping.pole_map import PoleMap
 from factorloc.mapping.poles import Poles
 
-__all__ = ["read_geojson", "write_geojson"]
+__all__ = ["holds_no_outlines", "read_geojson", "write_geojson"]
 
 Array = npt.NDArray[np.float64]
 
@@ -107,6 +107,21 @@ def read_geojson(path: Path) -> PoleMap:
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         reason = f"lacks {error}" if isinstance(error, KeyError) else str(error)
         raise MapFormatError(f"{path}: no map of poles ({reason}); export it again") from error
+
+
+def holds_no_outlines(path: Path) -> bool:
+    """Whether a GeoJSON file may be a map of poles: it holds no lines and no polygons, as building maps do.
+
+    A file that cannot be read may be one, too: its reader says what is wrong.
+    """
+    try:
+        if path.stat().st_size > _MOST_BYTES:
+            return False
+        features = json.loads(path.read_text(encoding="utf-8"))["features"]
+        kinds = {feature["geometry"]["type"] for feature in features if feature["geometry"] is not None}
+    except (OSError, ValueError, RecursionError, KeyError, TypeError):
+        return True
+    return kinds <= {"Point"}
 
 
 def _own(path: Path, account: dict[str, Any], features: list[Any]) -> PoleMap:

@@ -17,7 +17,7 @@ from factorloc.errors import FactorlocWarning, MapError, MapFormatError
 from factorloc.files import atomic_path
 from factorloc.mapping.georeference import Georeference
 from factorloc.mapping.hdf5 import CheckedFile, create_array, create_text, creating, opening
-from factorloc.mapping.pole_geojson import read_geojson, write_geojson
+from factorloc.mapping.pole_geojson import holds_no_outlines, read_geojson, write_geojson
 from factorloc.mapping.pole_map import PoleMap
 from factorloc.mapping.poles import Poles
 
@@ -103,10 +103,12 @@ def read_pole_map(path: Path | str) -> PoleMap:
 
 
 def is_pole_map(path: Path | str) -> bool:
-    """Whether a file holds a map of poles, by its name and, in HDF5, by the kind it states."""
+    """Whether a file holds a map of poles: by its name, in HDF5 by the kind it states, in GeoJSON by its shapes."""
     source = Path(path)
+    if source.suffix.lower() == ".geojson":
+        return source.is_file() and holds_no_outlines(source)
     if source.suffix.lower() not in _HDF5:
-        return source.suffix.lower() in (".geojson", ".npz") and source.is_file()
+        return source.suffix.lower() == ".npz" and source.is_file()
     with opening(source, _MEND) as file:
         return "kind" in file.file.attrs and file.text("kind") == POLE_KIND
 

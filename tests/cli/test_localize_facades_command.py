@@ -65,7 +65,11 @@ def test_a_drive_is_tracked_among_facades(recorded: Path, tmp_path: Path) -> Non
 
 @pytest.mark.parametrize(
     ("command", "word"),
-    [(["localize", "map.h5"], "recording"), (["localize", "map.h5", "log.clf", "--facades", "town.osm"], "beside")],
+    [
+        (["localize", "map.h5"], "recording"),
+        (["localize", "map.h5", "log.clf", "--facades", "town.osm"], "takes the place of MAP"),
+        (["localize", "log.clf", "--facades", "town.osm", "--poles", "posts.geojson"], "two maps"),
+    ],
 )
 def test_what_does_not_fit_together_gets_one_line(command: list[str], word: str) -> None:
     with pytest.raises(ConfigError, match=word):

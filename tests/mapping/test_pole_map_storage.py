@@ -175,3 +175,11 @@ def test_archives_without_poles_and_endings_unknown_are_refused(tmp_path: Path) 
         read_pole_map(tmp_path / "flat.npz")
     with pytest.raises(MapError, match="end the name so"):
         write_pole_map(tmp_path / "map.csv", a_map())
+
+
+def test_outlines_of_buildings_are_no_map_of_poles(tmp_path: Path) -> None:
+    path = tmp_path / "town.geojson"
+    square = {"type": "Polygon", "coordinates": [[[0, 0], [1, 0], [1, 1], [0, 0]]]}
+    feature = {"type": "Feature", "geometry": square, "properties": {}}
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": [feature]}))
+    assert not is_pole_map(path)
