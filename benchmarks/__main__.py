@@ -56,6 +56,7 @@ RUNS = {
     "poles_speed": Run("poles_speed"),
     "victoria_park": Run("victoria_park"),
     "interval_speed": Run("interval_speed"),
+    "facades_districts": Run("facades_districts", needs_data=True),
     "facades_kitti0005": Run("facades_kitti0005", needs_data=True),
     "facades_simulated": Run("facades_simulated", needs_data=True),
     "interval_containment": Run("interval_containment"),
