@@ -43,8 +43,10 @@ class PoleFilterSettings(Block):
         How many, always.
     motion_noise : float
         Factor of the covariances of the motions.
-    sigma, epsilon, gate, resolution
+    sigma, epsilon, gate : float
         As :class:`~factorloc.mapping.pole_likelihood.PoleLikelihood`.
+    resolution : float, optional
+        As there: cells of the table, m; None searches the nearest pole.
     resample_below : float
         Particles are drawn anew when a smaller share of them is effective.
     start_position, start_heading : float
