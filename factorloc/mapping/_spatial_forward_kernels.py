@@ -31,11 +31,11 @@ def cell_of(directory, row, local, b, stride_b, pitch_b):
 
 
 @kernel(allocates=False, inline=True)
-def row_of(directory, i, c, stride_a, stride_c, pitch_a, pitch_c):
-    """Where a row begins: in the directory, and in the array or a brick."""
+def row_of(directory, row_0, local_0, i, c, stride_a, stride_c, pitch_a, pitch_c):
+    """Where a row begins: in the directory, and in the array or a brick; counted from where the cells begin."""
     if directory is None:
-        return 0, i * stride_a + c * stride_c
-    return (i >> 4) * stride_a + (c >> 4) * stride_c, (i & 15) * pitch_a + (c & 15) * pitch_c
+        return row_0, local_0 + i * stride_a + c * stride_c
+    return row_0 + (i >> 4) * stride_a + (c >> 4) * stride_c, local_0 + (i & 15) * pitch_a + (c & 15) * pitch_c
 
 
 @kernel(allocates=False, inline=True)
@@ -131,9 +131,7 @@ def walk_layers(directory, rates, strides, p_x, p_y, p_z, v_x, v_y, v_z, t_in, t
     f_a = abs(v_a)
     t_far = t_out + 2.0 * pace  # in no layer that is walked
     k_c = int((min(t_c, t_far) - t_first) * f_a)
-    row, local = row_of(directory, i, c, s_a, s_c, h_a, h_c)
-    row += row_0
-    local += local_0
+    row, local = row_of(directory, row_0, local_0, i, c, s_a, s_c, h_a, h_c)
     step_local = step * s_a if directory is None else step * h_a
     edge = 0 if directory is None else (15 - (i & 15) if step > 0 else i & 15)
     cell = cell_of(directory, row, local, b, s_b, h_b)
@@ -162,9 +160,7 @@ def walk_layers(directory, rates, strides, p_x, p_y, p_z, v_x, v_y, v_z, t_in, t
             if directory is None:
                 local += step_c * s_c
             else:
-                row, local = row_of(directory, i, c + step_c, s_a, s_c, h_a, h_c)
-                row += row_0
-                local += local_0
+                row, local = row_of(directory, row_0, local_0, i, c + step_c, s_a, s_c, h_a, h_c)
             out = cell_of(directory, row, local, b_exit, s_b, h_b)
             d_out = np.float64(rates[out]) - rate_b
             d_in = rates[cell_of(directory, row, local, b, s_b, h_b)] - rate
@@ -187,9 +183,7 @@ def walk_layers(directory, rates, strides, p_x, p_y, p_z, v_x, v_y, v_z, t_in, t
             cell = np.uint64(np.int64(out) + step_local)
         elif k == edge:
             edge += 16
-            row, local = row_of(directory, i, c, s_a, s_c, h_a, h_c)
-            row += row_0
-            local += local_0
+            row, local = row_of(directory, row_0, local_0, i, c, s_a, s_c, h_a, h_c)
             cell = cell_of(directory, row, local, b, s_b, h_b)
         else:
             local += step_local
@@ -203,9 +197,7 @@ def walk_layers(directory, rates, strides, p_x, p_y, p_z, v_x, v_y, v_z, t_in, t
     change = rate_out - rate
     rest = (p_b + v_b * t_out - b_out) * i_b
     if t_c < t_out:
-        row, local = row_of(directory, i, c + step_c, s_a, s_c, h_a, h_c)
-        row += row_0
-        local += local_0
+        row, local = row_of(directory, row_0, local_0, i, c + step_c, s_a, s_c, h_a, h_c)
         rest_c = t_out - t_c
         rate_b = rate_out
         rate_out = np.float64(rates[cell_of(directory, row, local, b_out, s_b, h_b)])
