@@ -12,15 +12,14 @@ import numpy.typing as npt
 from pydantic import Field
 
 from factorloc.config import Block
-from factorloc.errors import GeometryError
-from factorloc.factors.odometry import OdometryNoise, known_motions, motion_covariances
+from factorloc.factors.odometry import OdometryNoise
 from factorloc.factors.pole_detections import PoleDetections, PoleLandmarks
 from factorloc.factors.prior import PosePrior
-from factorloc.geometry import position_heading, se2
+from factorloc.geometry import se2
 from factorloc.localization.initialization import AroundPose, Initialization
 from factorloc.localization.kld import KldSettings
 from factorloc.localization.monte_carlo import MonteCarloSettings, localize_by_particles
-from factorloc.localization.pole_graph import UNKNOWN_MOTION
+from factorloc.localization.pole_observations import PoleObservations
 from factorloc.localization.pole_tracking import propagated
 from factorloc.mapping.pole_likelihood import PoleLikelihood, pole_scan
 from factorloc.mapping.poles import Poles
@@ -123,14 +122,9 @@ def filter_poles(
     """
     began = time.perf_counter()
     settings = settings or PoleFilterSettings()
-    detections = local_maps if isinstance(local_maps, PoleDetections) else PoleDetections.of(local_maps)
-    motions = se2.as_poses(np.asarray(odometry, np.float64).reshape(-1, 3), "odometry")
+    given = PoleObservations.of(local_maps, odometry, known, covariances, settings.odometry, settings.motion_noise)
+    detections, motions, measured, of_motions = given.detections, given.motions, given.measured, given.covariances
     n = len(detections)
-    if n == 0 or len(motions) != n - 1:
-        raise GeometryError(f"odometry: {len(motions)} motions between {n} local maps; expected one between each two")
-    measured = known_motions(known, n - 1)
-    of_motions = settings.motion_noise * motion_covariances(motions, settings.odometry, covariances)
-    of_motions[~measured] = np.diag(position_heading(2, *UNKNOWN_MOTION) ** 2)
     if model is None:
         model = PoleLikelihood(
             landmarks.poles.positions, settings.sigma, settings.epsilon, settings.gate, settings.resolution, frame

@@ -13,19 +13,20 @@ from pydantic import Field
 from scipy.spatial import cKDTree
 
 from factorloc.config import Block
-from factorloc.errors import GeometryError, MapError
+from factorloc.errors import MapError
 from factorloc.factors.native import pose_array
-from factorloc.factors.odometry import OdometryNoise, known_motions, motion_covariances
+from factorloc.factors.odometry import OdometryNoise
 from factorloc.factors.pole_detections import PoleDetections, PoleLandmarks, PoleMixture
 from factorloc.factors.prior import PosePrior
-from factorloc.geometry import position_heading, se2
+from factorloc.geometry import position_heading
 from factorloc.localization.initialization import AroundPose, Initialization, NormalStart
 from factorloc.localization.landmark_trust import LandmarkTrust
 from factorloc.localization.moved_poles import MovedGroup, MovedPolesSettings, find_moved_groups
 from factorloc.localization.odometry_calibration import OdometryCalibration
 from factorloc.localization.optimizer import OptimizerSettings
 from factorloc.localization.pole_consensus import Conflict, ConsensusSettings
-from factorloc.localization.pole_graph import UNKNOWN_MOTION, PoleGraph
+from factorloc.localization.pole_graph import PoleGraph
+from factorloc.localization.pole_observations import PoleObservations
 from factorloc.localization.pole_tracking import PoleTrackingSettings, gaussian, track_poles
 from factorloc.localization.smoother import marginal_covariances
 from factorloc.mapping.poles import Poles
@@ -181,14 +182,9 @@ def smooth_poles(
     """
     began = time.perf_counter()
     settings = settings or PoleSmootherSettings()
-    detections = local_maps if isinstance(local_maps, PoleDetections) else PoleDetections.of(local_maps)
-    motions = se2.as_poses(np.asarray(odometry, np.float64).reshape(-1, 3), "odometry")
+    given = PoleObservations.of(local_maps, odometry, known, covariances, settings.odometry)
+    detections, motions, measured, of_motions = given.detections, given.motions, given.measured, given.covariances
     n = len(detections)
-    if n == 0 or len(motions) != n - 1:
-        raise GeometryError(f"odometry: {len(motions)} motions between {n} local maps; expected one between each two")
-    measured = known_motions(known, n - 1)
-    of_motions = motion_covariances(motions, settings.odometry, covariances).copy()
-    of_motions[~measured] = np.diag(position_heading(2, *UNKNOWN_MOTION) ** 2)
     belief = _belief(start, settings)
     way = float(np.hypot(motions[:, 0], motions[:, 1]).sum())
     _require_near(landmarks, belief, way, seed)
