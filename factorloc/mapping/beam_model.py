@@ -29,6 +29,7 @@ _PARALLEL_CELLS = 300_000  # about a millisecond of walking; less is done before
 _CELLS_A_RAY = 10  # what a ray costs besides its walk, in cells
 _SIDE_BY_SIDE = 256  # poses close together that a ray is walked at in turn: it stays in the cells that are at hand
 _REACH, _CLOSE = 10.0, 5.0  # m; poses are close together if the ends of a ray so long lie within so much
+_STRIPE = 2.0  # m; others are weighed in turns through squares so wide: most of what a pose looks at is at hand then
 _MOST_IN_FULL = 256 * 2**20  # bytes of a sparse map's cells up to which they are laid out in full
 
 
@@ -43,7 +44,8 @@ class BeamModel(ABC):
 
     A model is laid out for its kernels when it is first asked; from then on a call costs its walks. A sparse map of up
     to 64 million cells (256 MiB) is laid out in full for that; a larger one stays in bricks, which are slower to read.
-    Where all poses are close together, every ray is walked at many of them before the next, its cells being at hand.
+    Where all poses are close together, every ray is walked at many of them before the next, its cells being at hand;
+    where they are not, neighbours are weighed one after the other, whatever their order.
 
     Parameters
     ----------
@@ -120,14 +122,18 @@ class BeamModel(ABC):
         array = checked_poses(poses, self.grid)
         rays = pack([scan])
         block = (rays.origins, rays.directions, rays.ranges, rays.status, np.empty((0, len(scan))))
-        placed, group = _placed(array), _SIDE_BY_SIDE if _are_close(array) else 1
+        close = _are_close(array)
+        order = np.arange(len(array)) if close else _through_the_map(array)
+        placed, group = _placed(array[order]), _SIDE_BY_SIDE if close else 1
         sums = np.empty(len(array))
 
         def weigh(first: int, last: int) -> None:
             self._kernel(placed[first:last], group, *block, sums[first:last])
 
         self._deal(weigh, len(array), self._cells(scan) * len(array))
-        return sums
+        in_place = np.empty_like(sums)
+        in_place[order] = sums
+        return in_place
 
     @abstractmethod
     def _bound_kernel(self) -> tuple[Any, ...]:
@@ -168,6 +174,13 @@ def _placed(poses: Array) -> Array:
     if poses.ndim == 3:
         return poses
     return np.column_stack([poses[:, :2], np.cos(poses[:, 2]), np.sin(poses[:, 2])])
+
+
+def _through_the_map(poses: Array) -> npt.NDArray[np.int64]:
+    """Order in which poses follow a way up and down through stripes of the map."""
+    positions = poses[:, :2] if poses.ndim == 2 else poses[:, :2, 3]
+    x, y = np.floor(positions / _STRIPE).T
+    return np.lexsort((np.where(x % 2 == 0, y, -y), x))
 
 
 def _are_close(poses: Array) -> bool:

@@ -158,6 +158,18 @@ def test_poses_are_close_if_a_ray_ends_at_much_the_same_place_from_all() -> None
         assert beam_model._are_close(se3.from_se2(poses)) == close
 
 
+@given(SEEDS, st.integers(0, 200), st.booleans())
+def test_poses_far_apart_are_taken_in_turns_through_the_map(seed: int, count: int, spatial: bool) -> None:
+    poses = np.random.default_rng(seed).uniform(-40, 40, (count, 3))
+    order = beam_model._through_the_map(se3.from_se2(poses) if spatial else poses)
+    assert sorted(order) == list(range(count))
+    stripes = np.floor(poses[order, 0] / beam_model._STRIPE)
+    assert (np.diff(stripes) >= 0).all()
+    for stripe in np.unique(stripes):
+        steps = np.diff(np.floor(poses[order][stripes == stripe, 1] / beam_model._STRIPE))
+        assert (steps >= 0).all() if stripe % 2 == 0 else (steps <= 0).all()
+
+
 @pytest.mark.parametrize("name", BEAM_MODELS)
 @pytest.mark.parametrize("make", MAPS)
 def test_a_map_is_laid_out_once(make: Callable[[], Statistics], name: str, monkeypatch: pytest.MonkeyPatch) -> None:
