@@ -117,7 +117,9 @@ def kernel(function: F | None = None, *, allocates: bool = True, parallel: bool 
     return _decorate(function, allocates, fastmath=_FAST_MATH, parallel=parallel, inline=chosen)
 
 
-def exact_kernel(function: F | None = None, *, allocates: bool = True, parallel: bool = False) -> Any:
+def exact_kernel(
+    function: F | None = None, *, allocates: bool = True, parallel: bool = False, inline: bool = False
+) -> Any:
     """Compile a kernel with strict IEEE arithmetic, where results must be equal to the last bit.
 
     Parameters
@@ -128,10 +130,12 @@ def exact_kernel(function: F | None = None, *, allocates: bool = True, parallel:
         Whether it makes arrays.
     parallel : bool
         Allow ``prange``.
+    inline : bool
+        Have the compiler put it into every caller, however long it is: a loop with a call does not vectorize.
     """
     if function is None:
-        return lambda f: exact_kernel(f, allocates=allocates, parallel=parallel)
-    return _decorate(function, allocates, parallel=parallel)
+        return lambda f: exact_kernel(f, allocates=allocates, parallel=parallel, inline=inline)
+    return _decorate(function, allocates, parallel=parallel, forceinline=inline)
 
 
 class _CompileListener(event.Listener):

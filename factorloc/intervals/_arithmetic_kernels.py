@@ -26,33 +26,33 @@ ETA = 2.0**-1022
 LARGEST = 2.0**1023 * (2.0 - 2.0**-52)
 
 
-@exact_kernel(allocates=False)
+@exact_kernel(allocates=False, inline=True)
 def lower(x):
     """A float below all numbers that round to ``x``."""
     x = LARGEST if x > LARGEST else x
     return x - (abs(x) * PHI + ETA)
 
 
-@exact_kernel(allocates=False)
+@exact_kernel(allocates=False, inline=True)
 def upper(x):
     """A float above all numbers that round to ``x``."""
     x = -LARGEST if x < -LARGEST else x
     return x + (abs(x) * PHI + ETA)
 
 
-@exact_kernel(allocates=False)
+@exact_kernel(allocates=False, inline=True)
 def add(al, ah, bl, bh):
     """``a + b``; no sum meets opposite infinities, as no lower bound is plus infinity."""
     return lower(al + bl), upper(ah + bh)
 
 
-@exact_kernel(allocates=False)
+@exact_kernel(allocates=False, inline=True)
 def subtract(al, ah, bl, bh):
     """``a - b``."""
     return lower(al - bh), upper(ah - bl)
 
 
-@exact_kernel(allocates=False)
+@exact_kernel(allocates=False, inline=True)
 def multiply(al, ah, bl, bh):
     """``a b``, without a branch."""
     p, q, r, s = al * bl, al * bh, ah * bl, ah * bh
@@ -68,7 +68,15 @@ def multiply(al, ah, bl, bh):
     return (math.nan if empty else lo), (math.nan if empty else hi)
 
 
-@exact_kernel(allocates=False)
+@exact_kernel(allocates=False, inline=True)
+def dot(al, ah, bl, bh, xl, xh, yl, yh):
+    """``a x + b y``."""
+    pl, ph = multiply(al, ah, xl, xh)
+    ql, qh = multiply(bl, bh, yl, yh)
+    return add(pl, ph, ql, qh)
+
+
+@exact_kernel(allocates=False, inline=True)
 def meet(al, ah, bl, bh):
     """Intersection."""
     lo, hi = (bl if bl > al else al), (bh if bh < ah else ah)
@@ -76,34 +84,36 @@ def meet(al, ah, bl, bh):
     return (lo if there else math.nan), (hi if there else math.nan)
 
 
-@exact_kernel(allocates=False)
+@exact_kernel(allocates=False, inline=True)
 def join(al, ah, bl, bh):
     """Hull of the union."""
     lo, hi = (bl if bl < al else al), (bh if bh > ah else ah)
     return (lo if al == al else bl), (hi if al == al else bh)
 
 
-@exact_kernel(allocates=False)
+@exact_kernel(allocates=False, inline=True)
 def divide_within(al, ah, bl, bh, xl, xh):
-    """Hull of the ``x`` in ``[xl, xh]`` with ``x b = a`` for some ``a`` and ``b``: both pieces, if 0 splits them."""
-    if al != al or bl != bl or xl != xl:
-        return math.nan, math.nan
-    if bh < 0.0:
-        al, ah, bl, bh = -ah, -al, -bh, -bl
-    if bl > 0.0:
-        p, q = al / (bl if al < 0.0 else bh), ah / (bh if ah < 0.0 else bl)
-        return meet(xl, xh, lower(p if p == p else 0.0), upper(q if q == q else 0.0))
-    if al <= 0.0 <= ah:
-        return xl, xh
-    if al > 0.0:
-        left = upper(al / bl) if bl < 0.0 else math.nan
-        right = lower(al / bh) if bh > 0.0 else math.nan
-    else:
-        left = upper(ah / bh) if bh > 0.0 else math.nan
-        right = lower(ah / bl) if bl < 0.0 else math.nan
-    first_l, first_h = meet(xl, xh, -math.inf if left == left else math.nan, left)
-    second_l, second_h = meet(xl, xh, right, math.inf if right == right else math.nan)
-    return join(first_l, first_h, second_l, second_h)
+    """Hull of the ``x`` in ``[xl, xh]`` with ``x b = a`` for some ``a`` and ``b``: both pieces, if 0 splits them.
+
+    Without a branch. Two quotients do for all cases, one of them a lower bound and one an upper: of the whole where
+    ``b > 0``; where 0 splits it, of the right and of the left piece.
+    """
+    empty = (al != al) | (bl != bl) | (xl != xl)
+    turn = bh < 0.0
+    al, ah, bl, bh = (-ah if turn else al), (-al if turn else ah), (-bh if turn else bl), (-bl if turn else bh)
+    positive, above, below = bl > 0.0, al > 0.0, ah < 0.0
+    p = (ah if below & (not positive) else al) / (bl if al < 0.0 else bh)
+    q = (al if above & (not positive) else ah) / (bh if below else bl)
+    lo, hi = lower(p if p == p else 0.0), upper(q if q == q else 0.0)
+    whole_l, whole_h = meet(xl, xh, lo, hi)
+    to_left, to_right = (bl < 0.0 if above else bh > 0.0), (bh > 0.0 if above else bl < 0.0)
+    left_l, left_h = meet(xl, xh, -math.inf if to_left else math.nan, hi)
+    right_l, right_h = meet(xl, xh, lo if to_right else math.nan, math.inf)
+    split_l, split_h = join(left_l, left_h, right_l, right_h)
+    split = above | below
+    lo, hi = (split_l if split else xl), (split_h if split else xh)
+    lo, hi = (whole_l if positive else lo), (whole_h if positive else hi)
+    return (math.nan if empty else lo), (math.nan if empty else hi)
 
 
 @exact_kernel(allocates=False)
@@ -114,7 +124,7 @@ def divide(al, ah, bl, bh):
     return divide_within(al, ah, bl, bh, -math.inf, math.inf)
 
 
-@exact_kernel(allocates=False)
+@exact_kernel(allocates=False, inline=True)
 def magnitude(al, ah):
     """``|a|``, exactly."""
     lo, hi = abs(al), abs(ah)
@@ -122,7 +132,7 @@ def magnitude(al, ah):
     return (0.0 if (al <= 0.0) & (ah >= 0.0) else least), most
 
 
-@exact_kernel(allocates=False)
+@exact_kernel(allocates=False, inline=True)
 def square(al, ah):
     """``a^2``."""
     lo, hi = magnitude(al, ah)
@@ -130,16 +140,16 @@ def square(al, ah):
     return (0.0 if least < 0.0 else least), upper(hi * hi)
 
 
-@exact_kernel(allocates=False)
+@exact_kernel(allocates=False, inline=True)
 def root(al, ah):
     """``sqrt(a)`` over the ``a`` that are not negative; the square root of floats rounds like their sum."""
-    if not ah >= 0.0:
-        return math.nan, math.nan
-    least = lower(math.sqrt(al)) if al > 0.0 else 0.0
-    return max(least, 0.0), upper(math.sqrt(ah)) if ah > 0.0 else 0.0
+    there = ah >= 0.0
+    least, most = lower(math.sqrt(al if al > 0.0 else 0.0)), upper(math.sqrt(ah if ah > 0.0 else 0.0))
+    least, most = (least if least > 0.0 else 0.0), (most if ah > 0.0 else 0.0)
+    return (least if there else math.nan), (most if there else math.nan)
 
 
-@exact_kernel(allocates=False)
+@exact_kernel(allocates=False, inline=True)
 def root_within(al, ah, xl, xh):
     """Hull of the ``x`` in ``[xl, xh]`` with ``x^2`` in ``a``: both branches."""
     least, most = root(al, ah)
@@ -167,7 +177,7 @@ def power(al, ah, exponent):
     return (low_least if al >= 0.0 else -low_most), (high_most if ah >= 0.0 else -high_least)
 
 
-@exact_kernel(allocates=False)
+@exact_kernel(allocates=False, inline=True)
 def norm(xl, xh, yl, yh):
     """``sqrt(x^2 + y^2)``."""
     al, ah = square(xl, xh)

@@ -9,7 +9,7 @@ from factorloc._jit import exact_kernel
 from factorloc.intervals._arithmetic_kernels import (
     add,
     divide_within,
-    join,
+    dot,
     meet,
     multiply,
     norm,
@@ -19,7 +19,6 @@ from factorloc.intervals._arithmetic_kernels import (
 )
 from factorloc.intervals._trigonometric_kernels import (
     arc,
-    arccosine,
     cosine_sine_arrays,
     cosine_within,
     meet_turns,
@@ -27,7 +26,7 @@ from factorloc.intervals._trigonometric_kernels import (
 )
 
 
-@exact_kernel(allocates=False)
+@exact_kernel(allocates=False, inline=True)
 def store(lo, hi, i, row, low, high):
     """Meet one side with ``[low, high]``."""
     lo[row, i], hi[row, i] = meet(lo[row, i], hi[row, i], low, high)
@@ -105,7 +104,7 @@ def contract_sine(lo, hi, cl, ch, sl, sh):
     clear_empty(lo, hi)
 
 
-@exact_kernel(allocates=False)
+@exact_kernel(allocates=False, inline=True)
 def legs(xl, xh, yl, yh, rl, rh):
     """``x``, ``y`` and ``r >= 0``, given that ``x^2 + y^2 = r^2``."""
     al, ah = norm(xl, xh, yl, yh)
@@ -122,24 +121,31 @@ def legs(xl, xh, yl, yh, rl, rh):
 
 @exact_kernel(allocates=False)
 def contract_polar(lo, hi, cl, ch, sl, sh):
-    """``x = r cos b, y = r sin b, r >= 0`` in rows x, y, r, b; the rest is room to work in."""
+    """``x = r cos b, y = r sin b, r >= 0`` in rows x, y, r, b; the rest is room to work in.
+
+    Short loops without a branch, which vectorize.
+    """
     for i in range(lo.shape[1]):
         rl, rh = meet(lo[2, i], hi[2, i], 0.0, math.inf)
-        xl, xh, yl, yh, rl, rh = legs(lo[0, i], hi[0, i], lo[1, i], hi[1, i], rl, rh)
-        if rl > 0.0 or not (xl <= 0.0 <= xh and yl <= 0.0 <= yh):
-            al, ah = arc(yl, yh, xl, xh)
-            lo[3, i], hi[3, i] = meet_turns(lo[3, i], hi[3, i], al, ah)
-        lo[0, i], hi[0, i], lo[1, i], hi[1, i], lo[2, i], hi[2, i] = xl, xh, yl, yh, rl, rh
-    cosine_sine_arrays(lo[3], hi[3], cl, ch, sl, sh)
+        lo[0, i], hi[0, i], lo[1, i], hi[1, i], lo[2, i], hi[2, i] = legs(
+            lo[0, i], hi[0, i], lo[1, i], hi[1, i], rl, rh
+        )
+    for i in range(lo.shape[1]):
+        cl[i], ch[i] = arc(lo[1, i], hi[1, i], lo[0, i], hi[0, i])
     for i in range(lo.shape[1]):
         xl, xh, yl, yh = lo[0, i], hi[0, i], lo[1, i], hi[1, i]
-        rl, rh = divide_within(xl, xh, cl[i], ch[i], lo[2, i], hi[2, i])
-        rl, rh = divide_within(yl, yh, sl[i], sh[i], rl, rh)
-        al, ah = multiply(rl, rh, cl[i], ch[i])
-        xl, xh = meet(xl, xh, al, ah)
-        al, ah = multiply(rl, rh, sl[i], sh[i])
-        yl, yh = meet(yl, yh, al, ah)
-        lo[0, i], hi[0, i], lo[1, i], hi[1, i], lo[2, i], hi[2, i] = xl, xh, yl, yh, rl, rh
+        around = around_zero(xl, xh, yl, yh) & (not lo[2, i] > 0.0)
+        al, ah = meet_turns(lo[3, i], hi[3, i], cl[i], ch[i])
+        lo[3, i], hi[3, i] = (lo[3, i] if around else al), (hi[3, i] if around else ah)
+    cosine_sine_arrays(lo[3], hi[3], cl, ch, sl, sh)
+    for i in range(lo.shape[1]):
+        rl, rh = divide_within(lo[0, i], hi[0, i], cl[i], ch[i], lo[2, i], hi[2, i])
+        lo[2, i], hi[2, i] = divide_within(lo[1, i], hi[1, i], sl[i], sh[i], rl, rh)
+    for i in range(lo.shape[1]):
+        al, ah = multiply(lo[2, i], hi[2, i], cl[i], ch[i])
+        lo[0, i], hi[0, i] = meet(lo[0, i], hi[0, i], al, ah)
+        al, ah = multiply(lo[2, i], hi[2, i], sl[i], sh[i])
+        lo[1, i], hi[1, i] = meet(lo[1, i], hi[1, i], al, ah)
     clear_empty(lo, hi)
 
 
@@ -162,12 +168,14 @@ def contract_distance(lo, hi):
     clear_empty(lo, hi)
 
 
-@exact_kernel(allocates=False)
-def dot(al, ah, bl, bh, xl, xh, yl, yh):
-    """``a x + b y``."""
-    pl, ph = multiply(al, ah, xl, xh)
-    ql, qh = multiply(bl, bh, yl, yh)
-    return add(pl, ph, ql, qh)
+@exact_kernel(allocates=False, inline=True)
+def shift(tl, th, ml, mh, wl, wh):
+    """``t`` and ``m``, given that ``m = t + w``."""
+    a, b = add(tl, th, wl, wh)
+    ml, mh = meet(ml, mh, a, b)
+    a, b = subtract(ml, mh, wl, wh)
+    tl, th = meet(tl, th, a, b)
+    return tl, th, ml, mh
 
 
 @exact_kernel(allocates=False)
@@ -179,96 +187,34 @@ def contract_rigid_motion(lo, hi, cl, ch, sl, sh):
     cosine_sine_arrays(lo[0], hi[0], cl, ch, sl, sh)
     for i in range(lo.shape[1]):
         c0, c1, s0, s1 = cl[i], ch[i], sl[i], sh[i]
-        al, ah = dot(c0, c1, -s1, -s0, lo[3, i], hi[3, i], lo[4, i], hi[4, i])
-        bl, bh = dot(s0, s1, c0, c1, lo[3, i], hi[3, i], lo[4, i], hi[4, i])
+        pl, ph, ql, qh = lo[3, i], hi[3, i], lo[4, i], hi[4, i]
         xl, xh = subtract(lo[5, i], hi[5, i], lo[1, i], hi[1, i])
         yl, yh = subtract(lo[6, i], hi[6, i], lo[2, i], hi[2, i])
-        xl, xh = meet(xl, xh, al, ah)
-        yl, yh = meet(yl, yh, bl, bh)
-        a, b = add(lo[1, i], hi[1, i], xl, xh)
-        store(lo, hi, i, 5, a, b)
-        a, b = add(lo[2, i], hi[2, i], yl, yh)
-        store(lo, hi, i, 6, a, b)
-        a, b = subtract(lo[5, i], hi[5, i], xl, xh)
-        store(lo, hi, i, 1, a, b)
-        a, b = subtract(lo[6, i], hi[6, i], yl, yh)
-        store(lo, hi, i, 2, a, b)
+        a, b = dot(c0, c1, -s1, -s0, pl, ph, ql, qh)
+        xl, xh = meet(xl, xh, a, b)
+        a, b = dot(s0, s1, c0, c1, pl, ph, ql, qh)
+        yl, yh = meet(yl, yh, a, b)
         a, b = dot(c0, c1, s0, s1, xl, xh, yl, yh)
-        store(lo, hi, i, 3, a, b)
+        lo[3, i], hi[3, i] = meet(pl, ph, a, b)
         a, b = dot(-s1, -s0, c0, c1, xl, xh, yl, yh)
-        store(lo, hi, i, 4, a, b)
-        pl, ph, ql, qh = lo[3, i], hi[3, i], lo[4, i], hi[4, i]
+        lo[4, i], hi[4, i] = meet(ql, qh, a, b)
+        cl[i], ch[i], sl[i], sh[i] = xl, xh, yl, yh
+    for i in range(lo.shape[1]):
+        lo[1, i], hi[1, i], lo[5, i], hi[5, i] = shift(lo[1, i], hi[1, i], lo[5, i], hi[5, i], cl[i], ch[i])
+        lo[2, i], hi[2, i], lo[6, i], hi[6, i] = shift(lo[2, i], hi[2, i], lo[6, i], hi[6, i], sl[i], sh[i])
+    for i in range(lo.shape[1]):
+        around = around_zero(lo[3, i], hi[3, i], lo[4, i], hi[4, i]) & around_zero(cl[i], ch[i], sl[i], sh[i])
+        al, ah = arc(sl[i], sh[i], cl[i], ch[i])
+        bl, bh = arc(lo[4, i], hi[4, i], lo[3, i], hi[3, i])
+        a, b = subtract(al, ah, bl, bh)
         # Both vectors have one length; if one of them cannot vanish, both have an angle.
-        if not (pl <= 0.0 <= ph and ql <= 0.0 <= qh) or not (xl <= 0.0 <= xh and yl <= 0.0 <= yh):
-            al, ah = arc(yl, yh, xl, xh)
-            bl, bh = arc(ql, qh, pl, ph)
-            a, b = subtract(al, ah, bl, bh)
-            lo[0, i], hi[0, i] = meet_turns(lo[0, i], hi[0, i], a, b)
-    clear_empty(lo, hi)
-
-
-@exact_kernel(allocates=False)
-def contract_line(lo, hi, cl, ch, sl, sh):
-    """``x cos a + y sin a = d`` in rows a, d, x, y; the rest is room to work in."""
-    cosine_sine_arrays(lo[0], hi[0], cl, ch, sl, sh)
+        cl[i], ch[i] = (-math.inf if around else a), (math.inf if around else b)
     for i in range(lo.shape[1]):
-        pl, ph = multiply(cl[i], ch[i], lo[2, i], hi[2, i])
-        ql, qh = multiply(sl[i], sh[i], lo[3, i], hi[3, i])
-        a, b = add(pl, ph, ql, qh)
-        store(lo, hi, i, 1, a, b)
-        a, b = subtract(lo[1, i], hi[1, i], ql, qh)
-        pl, ph = meet(pl, ph, a, b)
-        a, b = subtract(lo[1, i], hi[1, i], pl, ph)
-        ql, qh = meet(ql, qh, a, b)
-        lo[2, i], hi[2, i] = divide_within(pl, ph, cl[i], ch[i], lo[2, i], hi[2, i])
-        lo[3, i], hi[3, i] = divide_within(ql, qh, sl[i], sh[i], lo[3, i], hi[3, i])
-        # In polar coordinates, r cos(a - b) = d.
-        rl, rh = norm(lo[2, i], hi[2, i], lo[3, i], hi[3, i])
-        if rl > 0.0:
-            bl, bh = arc(lo[3, i], hi[3, i], lo[2, i], hi[2, i])
-            lo[0, i], hi[0, i] = around_arc(lo[0, i], hi[0, i], bl, bh, lo[1, i], hi[1, i], rl, rh)
+        lo[0, i], hi[0, i] = meet_turns(lo[0, i], hi[0, i], cl[i], ch[i])
     clear_empty(lo, hi)
 
 
-@exact_kernel(allocates=False)
-def around_arc(xl, xh, bl, bh, dl, dh, rl, rh):
-    """Hull of the ``x`` in ``[xl, xh]`` with ``r cos(x - b) = d``, ``r > 0``: both sides of ``b``, in every turn."""
-    al, ah = divide_within(dl, dh, rl, rh, -1.0, 1.0)
-    al, ah = arccosine(al, ah)
-    fl, fh = add(bl, bh, al, ah)
-    gl, gh = subtract(bl, bh, al, ah)
-    fl, fh = meet_turns(xl, xh, fl, fh)
-    gl, gh = meet_turns(xl, xh, gl, gh)
-    return join(fl, fh, gl, gh)
-
-
-@exact_kernel(allocates=False)
-def contract_heading(lo, hi, cl, ch, sl, sh):
-    """Heading of a sensor at t that sees a point (r, b) of the line (a, d): rows theta, t_x, t_y, r, b, a, d.
-
-    ``r cos(theta + b - a) = d - t . (cos a, sin a)``, so that ``theta = a - b +- acos((d - t . n) / r)``.
-    """
-    cosine_sine_arrays(lo[5], hi[5], cl, ch, sl, sh)
-    for i in range(lo.shape[1]):
-        rl, rh = lo[3, i], hi[3, i]
-        if rl > 0.0:
-            nl, nh = dot(cl[i], ch[i], sl[i], sh[i], lo[1, i], hi[1, i], lo[2, i], hi[2, i])
-            nl, nh = subtract(lo[6, i], hi[6, i], nl, nh)
-            bl, bh = subtract(lo[5, i], hi[5, i], lo[4, i], hi[4, i])
-            lo[0, i], hi[0, i] = around_arc(lo[0, i], hi[0, i], bl, bh, nl, nh, rl, rh)
-    clear_empty(lo, hi)
-
-
-@exact_kernel(allocates=False)
-def contract_linear(lo, hi, al, ah, bl, bh, dl, dh):
-    """``a x + b y`` in ``[dl, dh]``, rows x, y; the coefficients are intervals."""
-    for i in range(lo.shape[1]):
-        pl, ph = multiply(al, ah, lo[0, i], hi[0, i])
-        ql, qh = multiply(bl, bh, lo[1, i], hi[1, i])
-        a, b = subtract(dl, dh, ql, qh)
-        pl, ph = meet(pl, ph, a, b)
-        a, b = subtract(dl, dh, pl, ph)
-        ql, qh = meet(ql, qh, a, b)
-        lo[0, i], hi[0, i] = divide_within(pl, ph, al, ah, lo[0, i], hi[0, i])
-        lo[1, i], hi[1, i] = divide_within(ql, qh, bl, bh, lo[1, i], hi[1, i])
-    clear_empty(lo, hi)
+@exact_kernel(allocates=False, inline=True)
+def around_zero(xl, xh, yl, yh):
+    """Whether the zero vector lies in a box."""
+    return (xl <= 0.0) & (xh >= 0.0) & (yl <= 0.0) & (yh >= 0.0)

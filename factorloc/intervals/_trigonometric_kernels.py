@@ -27,7 +27,7 @@ import math
 import numpy as np
 
 from factorloc._jit import exact_kernel
-from factorloc.intervals._arithmetic_kernels import ETA, UNIT, lower, meet, subtract, upper
+from factorloc.intervals._arithmetic_kernels import ETA, UNIT, join, lower, meet, subtract, upper
 
 HUGE = 2.0**20  # rad; sines and cosines of more are not told from [-1, 1]
 FIRST = float.fromhex("0x1.921fb544p+0")
@@ -40,7 +40,7 @@ PI_UPPER = float.fromhex("0x1.921fb54442d19p+1")
 TURN_LOWER, TURN_UPPER = 2.0 * PI_LOWER, 2.0 * PI_UPPER
 
 ANGLE_MARGIN = 16.0 * UNIT
-EIGHTHS = np.arctan(np.arange(9) / 8)
+E1, E2, E3, E4, E5, E6, E7, E8 = (math.atan(n / 8) for n in range(1, 9))
 
 _S = [(-1.0) ** n / math.factorial(2 * n + 1) for n in range(9)]
 _C = [(-1.0) ** n / math.factorial(2 * n) for n in range(9)]
@@ -120,132 +120,122 @@ def cosine_sine_arrays(lo, hi, cl, ch, sl, sh):
         sh[i] = most_s if empty == empty else empty
 
 
-@exact_kernel(allocates=False)
+@exact_kernel(allocates=False, inline=True)
+def eighth(j):
+    """``atan(j / 8)`` of a whole number from 0 to 8; chosen, not looked up, so that lanes stay full."""
+    low = (E1 if j == 1.0 else 0.0) if j < 2.0 else (E3 if j == 3.0 else E2)
+    high = (E5 if j == 5.0 else E4) if j < 6.0 else (E7 if j == 7.0 else E6)
+    return E8 if j == 8.0 else (low if j < 4.0 else high)
+
+
+@exact_kernel(allocates=False, inline=True)
 def angle(y, x):
     """Angle of a vector with an error below ``ANGLE_MARGIN`` of it; 0 for the zero vector."""
     ax, ay = abs(x), abs(y)
     steep = ay > ax
     long, short = (ay if steep else ax), (ax if steep else ay)
-    if long == 0.0:
-        return 0.0
-    t = 0.0 if long == math.inf else short / long
-    j = math.floor(8.0 * t + 0.5)
+    t = 0.0 if (long == 0.0) | (long == math.inf) else short / long
+    j = np.floor(8.0 * t + 0.5)
     c = 0.125 * j
     d = (t - c) / (1.0 + t * c)
     z = d * d
     tail = z * (-1.0 / 3.0 + z * (0.2 + z * (-1.0 / 7.0 + z * (1.0 / 9.0 + z * (-1.0 / 11.0 + z * (1.0 / 13.0))))))
-    a = EIGHTHS[np.uint64(j)] + (d + d * tail)
+    a = eighth(j) + (d + d * tail)
     a = 0.5 * math.pi - a if steep else a
     a = math.pi - a if x < 0.0 else a
     return -a if y < 0.0 else a
 
 
-@exact_kernel(allocates=False)
-def angle_bounds(y, x):
-    """Bounds of the angle of a vector."""
-    a = angle(y, x)
-    margin = ANGLE_MARGIN * abs(a) + ETA
-    return a - margin, a + margin
-
-
-@exact_kernel(allocates=False)
+@exact_kernel(allocates=False, inline=True)
 def arc(yl, yh, xl, xh):
     """Angles of the vectors of a box, as one arc from ``lo`` in [-pi, pi] up to ``hi``, perhaps beyond pi.
 
-    The zero vector has no angle and adds none; a box around it has all angles.
+    The zero vector has no angle and adds none; a box around it has all angles. Without a branch: the arc reaches from
+    one corner to another, and these are chosen.
     """
-    if yl != yl or xl != xl:
-        return math.nan, math.nan
-    if yl >= 0.0:
-        lo, _ = angle_bounds(yl if xh > 0.0 else yh, xh)
-        _, hi = angle_bounds(yh if xl >= 0.0 else yl, xl)
-        return max(lo, 0.0), hi
-    if yh <= 0.0:
-        lo, _ = angle_bounds(yl if xl >= 0.0 else yh, xl)
-        _, hi = angle_bounds(yh if xh > 0.0 else yl, xh)
-        # The angle of a vector along -x is pi, here -pi.
-        lo = -PI_UPPER if yh == 0.0 and xl < 0.0 else lo
-        return lo, min(hi, 0.0)
-    if xl >= 0.0:
-        lo, _ = angle_bounds(yl, xl)
-        _, hi = angle_bounds(yh, xl)
-        return lo, hi
-    if xh <= 0.0:
-        lo, _ = angle_bounds(yh, xh)
-        _, hi = angle_bounds(yl, xh)
-        return lo, upper(hi + TURN_UPPER)
-    return -PI_UPPER, PI_UPPER
+    up, down, right, left = yl >= 0.0, yh <= 0.0, xl >= 0.0, xh <= 0.0
+    # A box that touches an axis from above is above; below is what is not, and so on to the left.
+    down, right = down & (not up), right & (not (up | down))
+    left = left & (not (up | down | right))
+    first_x = xh if up | left else xl
+    first_y = yl if (up & (xh > 0.0)) | (down & (xl >= 0.0)) | right else yh
+    last_x = xh if down | left else xl
+    last_y = yh if (up & (xl >= 0.0)) | (down & (xh > 0.0)) | right else yl
+    lo, hi = angle(first_y, first_x), angle(last_y, last_x)
+    lo, hi = lo - (ANGLE_MARGIN * abs(lo) + ETA), hi + (ANGLE_MARGIN * abs(hi) + ETA)
+    lo = 0.0 if up & (lo < 0.0) else lo
+    hi = 0.0 if down & (hi > 0.0) else hi
+    # The angle of a vector along -x is pi, here -pi.
+    lo = -PI_UPPER if down & (yh == 0.0) & (xl < 0.0) else lo
+    hi = upper(hi + TURN_UPPER) if left else hi
+    around = not (up | down | right | left)
+    lo, hi = (-PI_UPPER if around else lo), (PI_UPPER if around else hi)
+    empty = (yl != yl) | (xl != xl)
+    return (math.nan if empty else lo), (math.nan if empty else hi)
 
 
-@exact_kernel(allocates=False)
+@exact_kernel(allocates=False, inline=True)
 def principal_arc(yl, yh, xl, xh):
     """Hull of the angles of a box in (-pi, pi]; all of them if the zero vector is in it, whatever its angle is."""
     lo, hi = arc(yl, yh, xl, xh)
     # Along -x the angle is pi, never -pi.
-    beyond = yl < 0.0 and yh >= 0.0 and xl < 0.0
-    origin = xl <= 0.0 and xh >= 0.0 and yl <= 0.0 and yh >= 0.0
-    if lo == lo and (beyond or origin):
-        return -PI_UPPER, PI_UPPER
-    return max(lo, -PI_UPPER), min(hi, PI_UPPER)
+    beyond = (yl < 0.0) & (yh >= 0.0) & (xl < 0.0)
+    origin = (xl <= 0.0) & (xh >= 0.0) & (yl <= 0.0) & (yh >= 0.0)
+    every = (lo == lo) & (beyond | origin)
+    lo, hi = (-PI_UPPER if lo < -PI_UPPER else lo), (PI_UPPER if hi > PI_UPPER else hi)
+    return (-PI_UPPER if every else lo), (PI_UPPER if every else hi)
 
 
-@exact_kernel(allocates=False)
+@exact_kernel(allocates=False, inline=True)
 def arccosine(lo, hi):
     """``acos`` over the part of the interval in [-1, 1]."""
-    if not (lo <= 1.0 and hi >= -1.0):
-        return math.nan, math.nan
-    lo, hi = max(lo, -1.0), min(hi, 1.0)
+    there = (lo <= 1.0) & (hi >= -1.0)
+    lo, hi = (lo if lo > -1.0 else -1.0), (hi if hi < 1.0 else 1.0)
     least = 2.0 * angle(math.sqrt(1.0 - hi), math.sqrt(1.0 + hi))
     most = 2.0 * angle(math.sqrt(1.0 - lo), math.sqrt(1.0 + lo))
-    return max(least - (ANGLE_MARGIN * least + ETA), 0.0), min(most + (ANGLE_MARGIN * most + ETA), PI_UPPER)
+    least, most = least - (ANGLE_MARGIN * least + ETA), most + (ANGLE_MARGIN * most + ETA)
+    least, most = (least if least > 0.0 else 0.0), (most if most < PI_UPPER else PI_UPPER)
+    return (least if there else math.nan), (most if there else math.nan)
 
 
-@exact_kernel(allocates=False)
+@exact_kernel(allocates=False, inline=True)
 def turned(lo, hi, turns):
     """An arc moved by whole turns."""
-    if turns == 0.0:
-        return lo, hi
-    if turns > 0.0:
-        return lower(lo + lower(turns * TURN_LOWER)), upper(hi + upper(turns * TURN_UPPER))
-    return lower(lo + lower(turns * TURN_UPPER)), upper(hi + upper(turns * TURN_LOWER))
+    less, more = (TURN_UPPER if turns < 0.0 else TURN_LOWER), (TURN_LOWER if turns < 0.0 else TURN_UPPER)
+    least, most = lower(lo + lower(turns * less)), upper(hi + upper(turns * more))
+    return (lo if turns == 0.0 else least), (hi if turns == 0.0 else most)
 
 
-@exact_kernel(allocates=False)
+@exact_kernel(allocates=False, inline=True)
 def meet_turns(xl, xh, lo, hi):
     """Hull of the part of ``[xl, xh]`` on an arc, repeated every whole turn.
 
     The copy that ends first at or after ``xl`` is found by rounded division, and moved on if it ends before; the last
     copy alike. A copy skipped by rounding is excluded by the guard, one too many costs nothing.
     """
-    if xl != xl or lo != lo:
-        return math.nan, math.nan
-    if not (xl >= -HUGE and xh <= HUGE and lo >= -HUGE and hi <= HUGE):
-        return xl, xh
-    turns = math.ceil((xl - hi) * TURNS - GUARD)
-    al, ah = turned(lo, hi, turns)
-    if ah < xl:
-        al, ah = turned(lo, hi, turns + 1.0)
-    turns = math.floor((xh - lo) * TURNS + GUARD)
-    bl, bh = turned(lo, hi, turns)
-    if bl > xh:
-        bl, bh = turned(lo, hi, turns - 1.0)
-    return meet(xl, xh, al, bh)
+    turns = np.ceil((xl - hi) * TURNS - GUARD)
+    _, end = turned(lo, hi, turns)
+    al, _ = turned(lo, hi, turns + (1.0 if end < xl else 0.0))
+    turns = np.floor((xh - lo) * TURNS + GUARD)
+    begin, _ = turned(lo, hi, turns)
+    _, bh = turned(lo, hi, turns - (1.0 if begin > xh else 0.0))
+    al, bh = meet(xl, xh, al, bh)
+    told = (xl >= -HUGE) & (xh <= HUGE) & (lo >= -HUGE) & (hi <= HUGE)
+    al, bh = (al if told else xl), (bh if told else xh)
+    empty = (xl != xl) | (lo != lo)
+    return (math.nan if empty else al), (math.nan if empty else bh)
 
 
-@exact_kernel(allocates=False)
+@exact_kernel(allocates=False, inline=True)
 def cosine_within(yl, yh, xl, xh):
     """Hull of the ``x`` in ``[xl, xh]`` with ``cos x`` in ``y``."""
     lo, hi = arccosine(yl, yh)
     al, ah = meet_turns(xl, xh, lo, hi)
     bl, bh = meet_turns(xl, xh, -hi, -lo)
-    if al != al:
-        return bl, bh
-    if bl != bl:
-        return al, ah
-    return min(al, bl), max(ah, bh)
+    return join(al, ah, bl, bh)
 
 
-@exact_kernel(allocates=False)
+@exact_kernel(allocates=False, inline=True)
 def sine_within(yl, yh, xl, xh):
     """Hull of the ``x`` in ``[xl, xh]`` with ``sin x`` in ``y``: a cosine a quarter turn later."""
     lo, hi = subtract(xl, xh, 0.5 * PI_LOWER, 0.5 * PI_UPPER)

@@ -10,6 +10,7 @@ import numpy as np
 
 from factorloc.errors import GeometryError
 from factorloc.intervals import _contraction_kernels as kernels
+from factorloc.intervals import _line_kernels as line_kernels
 from factorloc.intervals.box import Box
 from factorloc.intervals.contractor import Contractor
 from factorloc.intervals.interval import Interval, IntervalLike, as_interval
@@ -113,7 +114,7 @@ class Line(_Equation):
     """Variables a (rad), d (m), x, y (m): a point on the line of normal direction a at distance d from the origin."""
 
     constraint, minimal = "x cos a + y sin a = d", False
-    _kernel, _sides, _rows = staticmethod(kernels.contract_line), 4, 4
+    _kernel, _sides, _rows = staticmethod(line_kernels.contract_line), 4, 4
 
 
 class Heading(_Equation):
@@ -124,7 +125,7 @@ class Heading(_Equation):
     """
 
     constraint, minimal = "(cos a, sin a) . (r (cos(theta + b), sin(theta + b)) + t) = d", False
-    _kernel, _sides, _rows = staticmethod(kernels.contract_heading), 7, 4
+    _kernel, _sides, _rows = staticmethod(line_kernels.contract_heading), 7, 4
 
 
 @dataclass(frozen=True)
@@ -158,7 +159,7 @@ class Linear:
         """Shrink boxes."""
         bounds = (as_interval(value) for value in (self.a, self.b, self.range))
         return contract_in_place(
-            box, kernels.contract_linear, *(float(end) for bound in bounds for end in (bound.lo, bound.hi))
+            box, line_kernels.contract_linear, *(float(end) for bound in bounds for end in (bound.lo, bound.hi))
         )
 
 
