@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from factorloc.cli.console import Threads, console, progress_bar, use_threads
+from factorloc.cli.console import Threads, use_threads
 from factorloc.cli.localize_facades import localize_among_facades
-from factorloc.cli.localize_methods import Method, by_particles, by_smoothing
+from factorloc.cli.localize_grid import localize_in_grid
+from factorloc.cli.localize_methods import Method
 from factorloc.cli.pole_localization import localize_among_poles
-from factorloc.cli.recording import Mount, reader_options
-from factorloc.cli.selection import SELECTION_HELP, select_scans
-
-if TYPE_CHECKING:
-    from factorloc.datasets import Drive
+from factorloc.cli.recording import Mount, read_recording, starting_pose
+from factorloc.cli.selection import SELECTION_HELP
 
 __all__ = ["localize"]
 
@@ -97,17 +95,9 @@ def localize(
 
     [green]factorloc localize --poles town.geojson kitti/sequences/07[/green]
     """
-    from dataclasses import replace
-
-    import numpy as np
-
-    from factorloc.datasets import open_drive
-    from factorloc.errors import ConfigError, DataError
+    from factorloc.errors import ConfigError
     from factorloc.geometry import se3
-    from factorloc.localization import with_lidar_odometry
-    from factorloc.localization.run_folder import RunFolder, new_run_folder
     from factorloc.mapping import read_map, read_pole_map
-    from factorloc.trajectory import Trajectory
 
     use_threads(threads)
     if anywhere and (method is Method.SMOOTHER or start is not None):
@@ -123,63 +113,22 @@ def localize(
         log = map_file
     elif log is None:
         raise ConfigError("LOG: missing; give a map and a recording, or --poles or --facades and a recording")
+    # Maps are read first: a wrong one is told at once.
     statistics = None if landmarks is not None else read_map(map_file)
     pole_map = None if poles is None else read_pole_map(poles)
-    options = reader_options(mount) if truth is None else {"truth": truth}
-    drive: Drive = open_drive(log, **options)
-    planar = drive.dimension == 2
-    if poses is not None:
-        drive = replace(drive, truth=Trajectory.read_tum(poses, planar=planar).at(drive.stamps))
-    drive = drive.select(select_scans(len(drive), scans))
-    if not planar and not drive.odometry_known.any():
-        with progress_bar("lidar odometry", len(drive)) as progress:
-            drive = with_lidar_odometry(drive, progress=progress)
-    pose = None
-    if start is not None:
-        pose = np.array([start[0], start[1], np.radians(start[2])])
-        if not planar:
-            pose = se3.from_se2(pose)
-            pose[2, 3] = height
-    elif anywhere:
-        pass
-    elif drive.truth is not None:
-        pose = drive.truth.poses[0]
-        console.print("start: the first pose of the truth (choose another with --start X Y HEADING)")
-    else:
-        raise DataError(f"{log}: holds no true poses to start from; say where it begins with --start X Y HEADING")
-    if facades is not None:
-        assert pose is not None  # else MAP was read
-        localize_among_facades(facades, drive, pose if planar else se3.to_se2(pose), known_to, config, output, plots)
+    drive = read_recording(log, mount=mount, truth=truth, poses=poses, scans=scans)
+    if statistics is not None:
+        pose = None if anywhere else starting_pose(drive, start, height)
+        localize_in_grid(
+            statistics, map_file.name, drive, pose, method, config, output, model=model, floor=floor,
+            particles=particles, height=height, seed=seed, scans=scans, plots=plots,
+        )  # fmt: skip
         return
-    if statistics is None:
-        assert poles is not None and pole_map is not None and pose is not None  # else MAP was read
-        if planar:
-            raise DataError(f"{log}: planar scans; poles are found in scans of space")
+    pose = starting_pose(drive, start, height)
+    if facades is not None:
+        planar_pose = pose if drive.dimension == 2 else se3.to_se2(pose)
+        localize_among_facades(facades, drive, planar_pose, known_to, config, output, plots)
+    elif poles is not None and pole_map is not None:
         localize_among_poles(
             pole_map, poles.name, drive, pose, method, config, output, particles=particles, seed=seed, plots=plots
         )
-        return
-    if method is Method.MCL or pose is None:
-        settings, results = by_particles(
-            statistics, drive, pose, config, model=model, floor=floor, particles=particles, height=height, seed=seed
-        )
-    else:
-        settings, results = by_smoothing(statistics, drive, pose, config)
-    folder = RunFolder(new_run_folder(output), plots)
-    folder.write_settings(settings)
-    for name, result in results.items():
-        folder.write_result(name, result)
-    folder.write_account(
-        results, map=map_file.name, recording=drive.name, scans=scans, method=method.value,
-        model=model if method is Method.MCL else None, seed=seed if method is Method.MCL else None,
-        reports=[str(report) for report in drive.reports],
-    )  # fmt: skip
-    paths = {name: result.trajectory for name, result in results.items()}
-    if drive.truth is not None:
-        truth_in_map = drive.truth
-        for name, report in folder.write_evaluation(paths, truth_in_map).items():
-            console.print(report.table(name))
-    folder.draw(statistics, paths, results, drive.truth)
-    for name, result in results.items():
-        console.print(f"{name}: {result.summary()}, {result.seconds:.2f} s")
-    console.print(f"results: {folder.folder} (also {output / 'latest'})")

@@ -58,10 +58,16 @@ def localize_among_poles(
         Of all that is random.
     plots : bool
         Whether to draw.
+
+    Raises
+    ------
+    DataError
+        If the scans are planar.
     """
     from dataclasses import replace
 
     from factorloc.config import read_config
+    from factorloc.errors import DataError
     from factorloc.factors import PoleLandmarks
     from factorloc.geometry import se3
     from factorloc.localization.pole_drive import PoleDrive
@@ -71,6 +77,8 @@ def localize_among_poles(
     from factorloc.localization.run_folder import RunFolder, new_run_folder
     from factorloc.mapping.pole_settings import BY_EVIDENCE
 
+    if drive.dimension == 2:
+        raise DataError(f"{drive.name}: planar scans; poles are found in scans of space")
     with progress_bar("poles", PoleDrive.count(drive, BY_EVIDENCE)) as progress:
         seen = PoleDrive.of(drive, BY_EVIDENCE, progress=progress)
     about: dict[str, Any] = {
