@@ -20,7 +20,8 @@ import numpy.typing as npt
 
 from benchmarks.harness import Arguments, Benchmark, arguments, one_line_errors
 from benchmarks.maps_large_picture import large_picture
-from benchmarks.maps_large_stream import JOB, MAP, REPORT, LargeSettings
+from benchmarks.maps_large_settings import LargeSettings
+from benchmarks.maps_large_stream import JOB, MAP, REPORT
 from factorloc.config import read_config
 from factorloc.errors import FactorlocError
 from factorloc.files import write_text

@@ -11,197 +11,29 @@ import json
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field
 
 from benchmarks.harness import one_line_errors
+from benchmarks.maps_large_settings import Job, LargeSettings
+from benchmarks.ray_census import Census, Stream, same
 from benchmarks.resident_memory import MemoryCurve, peak_resident
 from factorloc import set_threads
-from factorloc.config import Block, read_config
+from factorloc.config import read_config
 from factorloc.errors import ConfigError
 from factorloc.files import write_text
 from factorloc.mapping import BrickStatistics, Grid, read_map, write_map
-from factorloc.mapping.visited_cells import VisitedCells
-from factorloc.rays import pack
-from factorloc.scan import RayStatus, Scan
-from factorloc.simulation import Sessions, SessionSettings, SpatialLidar, Town, TownSettings, hdl_64e, simulate_drive
+from factorloc.scan import Scan
+from factorloc.simulation import Sessions, SpatialLidar, Town, hdl_64e, simulate_drive
 
-__all__ = ["MAP", "Census", "Goals", "LargeSettings", "Stream", "region_of", "same", "stream_map"]
+__all__ = ["JOB", "MAP", "REPORT", "region_of", "session_scans", "stream_map"]
 
 Array = npt.NDArray[np.float64]
 
 MAP, PART, JOB, REPORT = "map.h5", "part_{}.h5", "job.json", "report.json"
-
-
-class Goals(Block):
-    """Bounds.
-
-    Parameters
-    ----------
-    rays : float
-        The least; of a full run.
-    peak : float
-        The most memory, GB (10^9 bytes).
-    """
-
-    rays: float
-    peak: float
-
-
-class LargeSettings(Block):
-    """What ``maps_large.json`` holds.
-
-    Parameters
-    ----------
-    seed : int
-        Of town and drives.
-    rays, quick_rays : float
-        How many to cast at least, in a full run and in a quick one, in the same world.
-    resolution : float
-        Edge of a cell, m.
-    town : TownSettings
-        The world.
-    sessions : SessionSettings
-        What changes in it, and how far each session drives.
-    count : int
-        Sessions; each makes a partial map.
-    faster : float
-        How much faster each session is driven than the one before, m/s: else scans of two might be at the same poses.
-    period : float
-        Time between two scans, s; a quick run takes fewer of them.
-    height : (float, float)
-        Lowest and highest end of the map, m.
-    margin : float
-        How far the map reaches beyond the town, m.
-    block_rays, part_block_rays : int
-        After how many rays the whole map and the partial ones take in what was cast. They differ, so that the two are
-        walked in different blocks.
-    orders : tuple of tuple of int
-        In which partial maps are merged.
-    region : (float, float)
-        Size of the region in the middle of the town that is read alone, m.
-    goals : Goals
-    """
-
-    seed: int = Field(ge=0)
-    rays: float = Field(gt=0)
-    quick_rays: float = Field(gt=0)
-    resolution: float = Field(gt=0)
-    town: TownSettings
-    sessions: SessionSettings
-    count: int = Field(gt=0)
-    faster: float = Field(ge=0)
-    period: float = Field(gt=0)
-    height: tuple[float, float]
-    margin: float = Field(ge=0)
-    block_rays: int = Field(gt=0)
-    part_block_rays: int = Field(gt=0)
-    orders: tuple[tuple[int, ...], ...]
-    region: tuple[float, float]
-    goals: Goals
-
-
-class Job(Block):
-    """What ``job.json`` holds.
-
-    Parameters
-    ----------
-    settings : LargeSettings
-    quick : bool
-    threads : int
-    columns : int
-        Firings of the lidar in one turn; as sold if 0.
-    """
-
-    settings: LargeSettings
-    quick: bool
-    threads: int
-    columns: int = Field(0, ge=0)
-
-
-@dataclass
-class Stream:
-    """A map that grows by blocks of scans.
-
-    Parameters
-    ----------
-    statistics : BrickStatistics
-        What it holds.
-    block_rays : int
-        After how many rays it takes them in.
-    seconds : float
-        Time that took.
-    """
-
-    statistics: BrickStatistics
-    block_rays: int
-    seconds: float = 0.0
-    _scans: list[Scan] = field(default_factory=list)
-    _poses: list[Array] = field(default_factory=list)
-
-    def take(self, scan: Scan, pose: Array) -> None:
-        """Take one scan with its pose ``T_map_body`` (4, 4)."""
-        self._scans.append(scan)
-        self._poses.append(pose)
-        if sum(map(len, self._scans)) >= self.block_rays:
-            self.flush()
-
-    def flush(self) -> BrickStatistics:
-        """Map what has been taken, and forget the scans."""
-        if self._scans:
-            began = time.perf_counter()
-            self.statistics = self.statistics.add(pack(self._scans), np.array(self._poses))
-            self.seconds += time.perf_counter() - began
-            self._scans, self._poses = [], []
-        return self.statistics
-
-
-@dataclass
-class Census:
-    """Counts rays that differ from all others.
-
-    Rays of one scan are told apart by origin, direction and range. Those of two scans are taken to differ as the poses
-    and the ranges of the scans do, which are noise: a scan whose pose or ranges were there before counts nothing.
-
-    Parameters
-    ----------
-    rays, distinct : int
-        All rays the sensor did not lose below its minimum range, and those of them that differ.
-    scans : int
-    """
-
-    rays: int = 0
-    distinct: int = 0
-    scans: int = 0
-    _poses: set[bytes] = field(default_factory=set)
-    _ranges: set[int] = field(default_factory=set)
-
-    def take(self, scan: Scan, pose: Array) -> None:
-        """Count the rays of a scan."""
-        used = scan.status != RayStatus.BELOW_MINIMUM
-        self.scans += 1
-        self.rays += int(used.sum())
-        ranges = hash(scan.ranges.tobytes())
-        if pose.tobytes() not in self._poses and ranges not in self._ranges:
-            self.distinct += len(
-                np.unique(_digests(np.column_stack([scan.origins, scan.directions, scan.ranges])[used]))
-            )
-        self._poses.add(pose.tobytes())
-        self._ranges.add(ranges)
-
-
-def _digests(rows: Array) -> npt.NDArray[np.uint64]:
-    """64 bits of each row of numbers (N, K), shape (N,); equal rows have equal ones, and others hardly ever."""
-    digest = np.zeros(len(rows), np.uint64)
-    for column in rows.T:
-        digest = (digest ^ np.ascontiguousarray(column).view(np.uint64)) * np.uint64(0x9E3779B97F4A7C15)
-        digest ^= digest >> np.uint64(29)
-    return digest
 
 
 @one_line_errors
@@ -346,30 +178,6 @@ def region_of(grid: Grid, town: Town, size: Sequence[float]) -> tuple[Array, Arr
     x_0, y_0, x_1, y_1 = town.grid.bounds
     centre, half = np.array([(x_0 + x_1) / 2, (y_0 + y_1) / 2]), np.array(size) / 2
     return np.append(centre - half, grid.origin[2]), np.append(centre + half, grid.upper[2])
-
-
-def same(one: object, other: BrickStatistics) -> bool:
-    """Whether two maps are equal to the last bit, in what they count and in how."""
-    if not isinstance(one, BrickStatistics):
-        return False
-    if (one.grid, one.scans, one.left_out) != (other.grid, other.scans, other.left_out):
-        return False
-    tiles, others = one.cells.tiles, other.cells.tiles
-    return list(tiles) == list(others) and all(_same_tile(tiles[number], others[number]) for number in tiles)
-
-
-def _same_tile(one: VisitedCells, other: VisitedCells) -> bool:
-    packed = zip((one.packed_hits, one.packed_misses, one.packed_path),
-                 (other.packed_hits, other.packed_misses, other.packed_path), strict=True)  # fmt: skip
-    return (
-        np.array_equal(one.bricks, other.bricks)
-        and np.array_equal(one.visited, other.visited)
-        and all(
-            np.array_equal(getattr(x, name), getattr(y, name))
-            for x, y in packed
-            for name in ("narrow", "places", "wide")
-        )
-    )
 
 
 if __name__ == "__main__":

@@ -13,7 +13,9 @@ import pytest
 
 from benchmarks import maps_large, maps_large_stream
 from benchmarks.harness import Arguments, Benchmark
-from benchmarks.maps_large_stream import Census, Job, LargeSettings, Stream, same, session_scans
+from benchmarks.maps_large_settings import Job, LargeSettings
+from benchmarks.maps_large_stream import session_scans
+from benchmarks.ray_census import Census, Stream, same
 from factorloc.config import read_config
 from factorloc.errors import ConfigError, FactorlocError
 from factorloc.mapping import BrickStatistics, Grid
