@@ -71,3 +71,7 @@ class OdometryCalibration:
         out[:, :2] *= self.scale
         out[:, 2] = wrap(out[:, 2] + self.drift * length)
         return out
+
+    def then(self, other: OdometryCalibration) -> OdometryCalibration:
+        """Return both, first this one and then the other, as one."""
+        return OdometryCalibration(self.scale * other.scale, self.drift + self.scale * other.drift)

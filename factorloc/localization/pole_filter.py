@@ -19,8 +19,8 @@ from factorloc.geometry import se2
 from factorloc.localization.initialization import AroundPose, Initialization
 from factorloc.localization.kld import KldSettings
 from factorloc.localization.monte_carlo import MonteCarloSettings, localize_by_particles
+from factorloc.localization.pole_hypothesis import propagated
 from factorloc.localization.pole_observations import PoleObservations
-from factorloc.localization.pole_tracking import propagated
 from factorloc.mapping.pole_likelihood import PoleLikelihood, pole_scan
 from factorloc.mapping.poles import Poles
 from factorloc.result import Result

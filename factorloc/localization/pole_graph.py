@@ -17,12 +17,18 @@ from factorloc.factors.prior import PosePrior
 from factorloc.geometry import position_heading
 from factorloc.localization.optimizer import Optimized, OptimizerSettings, ScanFactors, optimize
 
-__all__ = ["UNKNOWN_MOTION", "PoleGraph"]
+__all__ = ["UNKNOWN_MOTION", "PoleGraph", "loose_motion"]
 
 Array = npt.NDArray[np.float64]
 
 UNKNOWN_MOTION = (2.0, 0.3)
 """Standard deviations of a motion nobody measured, m and rad."""
+
+
+def loose_motion(first: int, second: int, motion: Array) -> gtsam.NonlinearFactor:
+    """Tie two poses together whose motion nobody measured, so that neither floats."""
+    loose = gtsam.noiseModel.Diagonal.Sigmas(position_heading(2, *UNKNOWN_MOTION))
+    return gtsam.BetweenFactorPose2(first, second, gtsam.Pose2(*motion), loose)
 
 
 class PoleGraph:
@@ -59,13 +65,8 @@ class PoleGraph:
         self.motions, self.covariances, self.known = motions, covariances, known
         self.keys = [X(k) for k in range(len(detections))]
         self.factors = list(odometry_factors(self.keys, motions, noise, known, covariances))
-        # Unmeasured motions tie poses together loosely, so that no pose floats.
-        lost = np.flatnonzero(~known)
-        if len(lost):
-            loose = gtsam.noiseModel.Diagonal.Sigmas(position_heading(2, *UNKNOWN_MOTION))
-            for k in lost.tolist():
-                between = gtsam.BetweenFactorPose2(self.keys[k], self.keys[k + 1], gtsam.Pose2(*motions[k]), loose)
-                self.factors.append(between)
+        for k in np.flatnonzero(~known).tolist():
+            self.factors.append(loose_motion(self.keys[k], self.keys[k + 1], motions[k]))
 
     def term(self, landmarks: PoleLandmarks) -> PoleTerm:
         """Scan term of all detections."""

@@ -28,6 +28,7 @@ from factorloc.localization.pole_consensus import Conflict, ConsensusSettings
 from factorloc.localization.pole_graph import PoleGraph
 from factorloc.localization.pole_observations import PoleObservations
 from factorloc.localization.pole_tracking import PoleTrackingSettings, gaussian, track_poles
+from factorloc.localization.pole_window import WindowModel
 from factorloc.localization.smoother import marginal_covariances
 from factorloc.mapping.poles import Poles
 from factorloc.result import Result
@@ -190,19 +191,19 @@ def smooth_poles(
     _require_near(landmarks, belief, way, seed)
     kept = _distinct(landmarks, settings.duplicates)
     used = landmarks.select(kept)
+    model = WindowModel(used, settings.mixture, settings.information, settings.odometry, settings.optimizer)
+    track = track_poles(
+        model, detections, motions, of_motions, measured, belief, settings.tracking, progress=progress, seed=seed
+    )  # fmt: skip
     about: dict[str, Any] = {
         "mixture": settings.mixture, "information": settings.information, "noise": settings.odometry,
-        "known": measured, "optimizer": settings.optimizer,
+        "known": measured, "optimizer": settings.optimizer, "prior": gaussian(belief, seed),
     }  # fmt: skip
-    track = track_poles(
-        used, detections, motions, of_motions, belief, **about, settings=settings.tracking,
-        progress=progress, seed=seed,
-    )  # fmt: skip
-    about["prior"] = gaussian(belief, seed)
+    motions = track.calibration.applied(motions)
     found = PoleGraph(detections, motions, of_motions, **about).solve(used, track.poses, (1, 2, 3))
     history = found.history
-    calibration = OdometryCalibration.of(pose_array(found.values), motions, measured)
-    graph = PoleGraph(detections, calibration.applied(motions), of_motions, **about)
+    left = OdometryCalibration.of(pose_array(found.values), motions, measured)
+    graph, calibration = PoleGraph(detections, left.applied(motions), of_motions, **about), track.calibration.then(left)
     found = graph.solve(used, pose_array(found.values), (2, 3))
     consensus = LandmarkTrust(graph, used, found, settings.consensus, settings.moved.reach)
     consensus.seek()

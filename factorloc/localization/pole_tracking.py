@@ -5,24 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import gtsam
 import numpy as np
 import numpy.typing as npt
-from gtsam.symbol_shorthand import X
 from pydantic import Field
 
 from factorloc.config import Block
-from factorloc.factors.native import pose_array, pose_values
-from factorloc.factors.odometry import OdometryNoise, odometry_factors
-from factorloc.factors.pole_detections import PoleDetections, PoleLandmarks, PoleMixture
-from factorloc.factors.pole_term import PoleTerm
+from factorloc.factors.pole_detections import PoleDetections
 from factorloc.factors.prior import PosePrior
 from factorloc.geometry import se2
+from factorloc.localization.calibration_belief import CalibrationBelief
 from factorloc.localization.initialization import Initialization, NormalStart
-from factorloc.localization.optimizer import Optimized, OptimizerSettings, ScanFactors, optimize
+from factorloc.localization.odometry_calibration import OdometryCalibration
+from factorloc.localization.pole_hypothesis import PoleHypothesis, select_hypotheses
 from factorloc.localization.pole_search import SearchSettings, dead_reckoned, search_pose
+from factorloc.localization.pole_window import PoleWindow, WindowModel
 
-__all__ = ["PoleTrack", "PoleTrackingSettings", "gaussian", "propagated", "track_poles"]
+__all__ = ["PoleTrack", "PoleTrackingSettings", "gaussian", "track_poles"]
 
 Array = npt.NDArray[np.float64]
 
@@ -45,6 +43,12 @@ class PoleTrackingSettings(Block):
         A position known worse than this (standard deviation, m) is searched anew.
     search : SearchSettings
         How.
+    hypotheses : int
+        So many places that a search found are tracked, until detections have told them apart.
+    margin : float
+        One that costs more than the best by this is given up.
+    scale, drift : float
+        Standard deviations of what odometry is wrong by all along, m/m and rad/m.
     """
 
     block: float = Field(20.0, gt=0)
@@ -52,6 +56,10 @@ class PoleTrackingSettings(Block):
     ahead: float = Field(40.0, gt=0)
     wide: float = Field(0.6, gt=0)
     search: SearchSettings = SearchSettings()
+    hypotheses: int = Field(6, gt=0)
+    margin: float = Field(8.0, gt=0)
+    scale: float = Field(0.02, gt=0)
+    drift: float = Field(3e-4, gt=0)
 
 
 @dataclass(frozen=True)
@@ -64,148 +72,135 @@ class PoleTrack:
         ``T_map_body``, each as it was known when its block was the last one but for what later blocks made of it.
     searches : int
         How often the pose was searched.
+    calibration : OdometryCalibration
+        What was wrong with odometry all along.
     """
 
     poses: Array
     searches: int
+    calibration: OdometryCalibration
 
 
 def track_poles(
-    landmarks: PoleLandmarks,
+    model: WindowModel,
     detections: PoleDetections,
     motions: Array,
     covariances: Array,
-    start: Initialization,
-    *,
-    mixture: PoleMixture,
-    information: float,
-    noise: OdometryNoise,
     known: npt.NDArray[np.bool_],
+    start: Initialization,
     settings: PoleTrackingSettings,
-    optimizer: OptimizerSettings,
     progress: Callable[[int], None] | None = None,
     seed: int = 0,
 ) -> PoleTrack:
     """Track a drive.
 
     A block begins where the one before ended, moved on by odometry. Where that is not sure enough, at the start and
-    after a way without poles, the pose is searched among all that are possible (:func:`search_pose`). The block is
-    smoothed with the metres before it, from a blurred map to a sharp one.
+    after a way without poles, the pose is searched among all that are possible (:func:`search_pose`), and the best are
+    all tracked until their costs differ. A block is smoothed with the metres before it, from a blurred map to a sharp
+    one, and scale and drift of odometry with them.
 
     Parameters
     ----------
-    landmarks, detections, mixture, information
-        As :class:`~factorloc.factors.pole_term.PoleTerm`; N local maps.
-    motions : ndarray, shape (N - 1, 3)
+    model : WindowModel
+        The map and how it is seen.
+    detections : PoleDetections
+        Of N local maps.
+    motions, covariances : ndarray, shapes (N - 1, 3), (N - 1, 3, 3)
         Odometry.
-    covariances : ndarray, shape (N - 1, 3, 3)
-        Of the motions.
-    start : Initialization
-        What is believed of the first pose.
-    noise : OdometryNoise
-        Its loss.
     known : ndarray of bool, shape (N - 1,)
         Which motions were measured.
+    start : Initialization
+        What is believed of the first pose.
     settings : PoleTrackingSettings
-        Blocks and searches.
-    optimizer : OptimizerSettings
-        Steps and tolerances.
+        Blocks, searches, hypotheses.
     progress : callable, optional
         Called with the number of local maps done.
     seed : int
         Of the searches.
     """
-    n = len(detections)
-    way = np.concatenate([[0.0], np.cumsum(np.hypot(motions[:, 0], motions[:, 1]))])
-    poses, spreads, matched = np.zeros((n, 3)), np.zeros((n, 3, 3)), np.zeros(n, np.bool_)
-    belief: Initialization = start
-    first, next_begin, searches = 0, 0, 0
-    while first < n:
-        last = max(int(np.searchsorted(way, way[first] + settings.block)), first + 1)
-        begin = next_begin
-        searched = False
-        guesses = [] if first == 0 else [se2.compose(poses[first - 1], motions[first - 1])]
-        reach = max(int(np.searchsorted(way, way[first] + settings.ahead)), first + 1)
-        seen = len(detections.rows(first, reach).poles)
-        if seen and (first == 0 or _width(belief) > settings.wide):
-            found = search_pose(
-                landmarks.poles.positions, detections.rows(first, reach), motions[first : reach - 1], belief,
-                settings.search, seed + searches,
-            )  # fmt: skip
-            guesses, searches, searched = [*guesses, *found], searches + 1, True
-        elif first == 0:
-            guesses = [belief.sample(4096, np.random.default_rng(seed)).mean(0)]
-        solve = _Window(
-            landmarks, detections.rows(begin, last), motions[begin : last - 1], covariances[begin : last - 1],
-            known[begin : last - 1], mixture, information, noise, optimizer,
-        )  # fmt: skip
-        wider = _WIDENED if matched[begin:first].any() else 1.0
-        prior = gaussian(belief, seed) if begin == first == 0 else PosePrior(poses[begin], wider * spreads[begin])
-        outcomes = []
-        for guess in guesses:
-            ahead = dead_reckoned(guess, motions[first : last - 1])
-            outcomes.append(solve(np.concatenate([poses[begin:first], ahead]), prior, 0 if searched else 1))
-        best = min(outcomes, key=lambda outcome: outcome.cost)
-        poses[begin:last] = pose_array(best.values)
-        assert best.scan_costs is not None  # every pose has a local map, if an empty one
-        matched[begin:last] = best.scan_costs.hessian[:, 0, 0] > 0
-        if last < n:  # only these are asked for: the last pose, and the first of the next stretch
-            next_begin = min(max(int(np.searchsorted(way, way[last] - settings.lag)), begin), last - 1)
-            for k in {next_begin, last - 1}:
-                spreads[k] = solve.marginal(best, k - begin)
-            leap = propagated(spreads[last - 1], motions[last - 1], covariances[last - 1])
-            belief = NormalStart(PosePrior(se2.compose(poses[last - 1], motions[last - 1]), leap))
+    drive = _Drive(model, detections, motions, covariances, known, start, settings, seed)
+    alive = [PoleHypothesis.start(len(detections), CalibrationBelief.from_sigmas(settings.scale, settings.drift))]
+    first = 0
+    while first < len(detections):
+        last = drive.block(first)
+        grown = [each for one in alive for each in drive.grown(one, first, last)]
+        alive = select_hypotheses(grown, last - 1, settings.hypotheses, settings.margin)
         if progress:
             progress(last)
         first = last
-    return PoleTrack(poses, searches)
+    return PoleTrack(alive[0].poses, drive.searches, alive[0].calibration.mean)
 
 
-def propagated(covariance: Array, motion: Array, of_motion: Array) -> Array:
-    """Covariance of a pose after a motion, each in the tangent space of its own body."""
-    A = se2.adjoint(se2.inverse(motion))
-    moved = A @ covariance @ A.T + of_motion
-    return np.asarray((moved + moved.T) / 2 + _SLACK**2 * np.eye(3))
+@dataclass
+class _Drive:
+    """What is tracked; arguments as :func:`track_poles`."""
 
+    model: WindowModel
+    detections: PoleDetections
+    motions: Array
+    covariances: Array
+    known: npt.NDArray[np.bool_]
+    start: Initialization
+    settings: PoleTrackingSettings
+    seed: int
+    searches: int = 0
 
-class _Window:
-    """A stretch of the drive as a graph."""
+    def __post_init__(self) -> None:
+        steps = np.hypot(self.motions[:, 0], self.motions[:, 1])
+        self.way = np.concatenate([[0.0], np.cumsum(steps)])
 
-    def __init__(
-        self,
-        landmarks: PoleLandmarks,
-        detections: PoleDetections,
-        motions: Array,
-        covariances: Array,
-        known: npt.NDArray[np.bool_],
-        mixture: PoleMixture,
-        information: float,
-        noise: OdometryNoise,
-        optimizer: OptimizerSettings,
-    ) -> None:
-        self.keys = [X(k) for k in range(len(detections))]
-        self.term = PoleTerm(detections, landmarks, mixture, information)
-        self.odometry = list(odometry_factors(self.keys, motions, noise, known, covariances))
-        self.optimizer = optimizer
+    def block(self, first: int) -> int:
+        """Pose behind the last one of the block that begins here."""
+        return self._reach(first, self.settings.block)
 
-    def __call__(self, initial: Array, prior: PosePrior, coarsest: int) -> Optimized:
-        graph = gtsam.NonlinearFactorGraph()
-        graph.push_back(prior.factor(self.keys[0]))
-        for factor in self.odometry:
-            graph.push_back(factor)
-        scans = ScanFactors(self.term, self.keys)
-        levels = range(coarsest, len(self.term.blurs))
-        return optimize(graph, pose_values(self.keys, initial), scans, levels=levels, settings=self.optimizer)
+    def grown(self, one: PoleHypothesis, first: int, last: int) -> list[PoleHypothesis]:
+        """Track a block: one hypothesis, or more where a pose was searched."""
+        begin, motions = one.begin, one.calibration.mean.applied(self.motions)
+        guesses, searched = self._guesses(one, first, motions)
+        if begin == first == 0:
+            prior = gaussian(self.start, self.seed)
+        else:
+            wider = _WIDENED if one.matched[begin:first].any() else 1.0
+            prior = PosePrior(one.poses[begin], wider * one.covariances[begin])
+        part = slice(begin, last - 1)
+        window = PoleWindow(
+            self.model, self.detections.rows(begin, last), self.motions[part], self.covariances[part],
+            self.known[part], prior, one.calibration,
+        )  # fmt: skip
+        way, before = self.way, max(first - 1, 0)
+        share = float((way[last - 1] - way[before]) / max(way[last - 1] - way[begin], 1e-9))
+        # The lag is counted from the first pose of the next block.
+        behind = int(np.searchsorted(way, way[min(last, len(way) - 1)] - self.settings.lag))
+        following = min(max(behind, begin), last - 1)
+        out = []
+        for guess in guesses:
+            path = np.concatenate([one.poses[begin:first], dead_reckoned(guess, motions[first : last - 1])])
+            found = window.solve(path, 0 if searched else 1)
+            out.append(one.extended(found, prior, last, following, share))
+        return out
 
-    def marginal(self, found: Optimized, row: int) -> Array:
-        covariance = gtsam.Marginals(found.linear, found.values).marginalCovariance(self.keys[row])
-        return np.asarray((covariance + covariance.T) / 2)
+    def _guesses(self, one: PoleHypothesis, first: int, motions: Array) -> tuple[list[Array], bool]:
+        """Where the first pose of a block may be, and whether it was searched."""
+        belief: Initialization = self.start
+        guesses: list[Array] = []
+        if first > 0:
+            normal = one.ahead(motions[first - 1], self.covariances[first - 1])
+            guesses, belief = [normal.prior.pose], normal
+            if np.linalg.eigvalsh(normal.prior.covariance[:2, :2])[-1] <= self.settings.wide**2:
+                return guesses, False
+        reach = self._reach(first, self.settings.ahead)
+        seen = self.detections.rows(first, reach)
+        if len(seen.poles) == 0:
+            return guesses or [gaussian(self.start, self.seed).pose], False
+        found = search_pose(
+            self.model.landmarks.poles.positions, seen, motions[first : reach - 1], belief, self.settings.search,
+            self.seed + self.searches,
+        )  # fmt: skip
+        self.searches += 1
+        return [*guesses, *found], True
 
-
-def _width(belief: Initialization) -> float:
-    """Largest standard deviation of the position, m."""
-    assert isinstance(belief, NormalStart)
-    return float(np.sqrt(np.linalg.eigvalsh(belief.prior.covariance[:2, :2])[-1]))
+    def _reach(self, first: int, length: float) -> int:
+        return max(int(np.searchsorted(self.way, self.way[first] + length)), first + 1)
 
 
 def gaussian(belief: Initialization, seed: int = 0) -> PosePrior:
