@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -78,3 +78,7 @@ class PoleObservations:
         of_motions = factor * motion_covariances(motions, noise, covariances)
         of_motions[~measured] = np.diag(position_heading(2, *UNKNOWN_MOTION) ** 2)
         return cls(detections, motions, measured, of_motions)
+
+    def with_covariances(self, covariances: Array) -> PoleObservations:
+        """Return the same, with other covariances (N - 1, 3, 3) of the motions that were measured."""
+        return replace(self, covariances=np.where(self.measured[:, None, None], covariances, self.covariances))

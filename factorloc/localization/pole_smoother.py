@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -19,15 +18,16 @@ from factorloc.factors.odometry import OdometryNoise
 from factorloc.factors.pole_detections import PoleDetections, PoleLandmarks, PoleMixture
 from factorloc.factors.prior import PosePrior
 from factorloc.geometry import position_heading
+from factorloc.localization.drive_noise import UNTOLD, DriveNoise
 from factorloc.localization.initialization import AroundPose, Initialization, NormalStart
 from factorloc.localization.landmark_trust import LandmarkTrust
 from factorloc.localization.moved_poles import MovedGroup, MovedPolesSettings, find_moved_groups
 from factorloc.localization.odometry_calibration import OdometryCalibration
 from factorloc.localization.optimizer import OptimizerSettings
 from factorloc.localization.pole_consensus import Conflict, ConsensusSettings
-from factorloc.localization.pole_graph import PoleGraph
+from factorloc.localization.pole_fit import PoleFit
 from factorloc.localization.pole_observations import PoleObservations
-from factorloc.localization.pole_tracking import PoleTrackingSettings, gaussian, track_poles
+from factorloc.localization.pole_tracking import PoleTrackingSettings
 from factorloc.localization.pole_window import WindowModel
 from factorloc.localization.smoother import marginal_covariances
 from factorloc.mapping.poles import Poles
@@ -57,8 +57,9 @@ class PoleSmootherSettings(Block):
         A stretch without any matched pole longer than this is reported, m.
     map_position, map_heading : float
         Standard deviations of what the map itself is wrong by at any one place, m and rad, added to every covariance.
-    odometry : OdometryNoise
-        Noise of motions that come without covariances, and the loss of all.
+    odometry : OdometryNoise, optional
+        Noise of motions that come without covariances, and the loss of all. By default the noise is found from the
+        drive itself: it is localized with a generous one first, and what odometry was then off by is taken.
     tracking : PoleTrackingSettings
     consensus : ConsensusSettings
     moved : MovedPolesSettings
@@ -73,7 +74,7 @@ class PoleSmootherSettings(Block):
     lost: float = Field(200.0, gt=0)
     map_position: float = Field(0.03, ge=0)
     map_heading: float = Field(0.002, ge=0)
-    odometry: OdometryNoise = OdometryNoise(huber=3.0)
+    odometry: OdometryNoise | None = None
     tracking: PoleTrackingSettings = PoleTrackingSettings()
     consensus: ConsensusSettings = ConsensusSettings()
     moved: MovedPolesSettings = MovedPolesSettings()
@@ -100,6 +101,8 @@ class PoleLocalization:
         Landmarks that were found again, all of them beside their places.
     calibration : OdometryCalibration
         What was wrong with odometry all along.
+    odometry : str
+        Where the noise of odometry is from, against which landmarks were held.
     """
 
     result: Result
@@ -109,14 +112,18 @@ class PoleLocalization:
     missed: Index
     moved: tuple[MovedGroup, ...]
     calibration: OdometryCalibration
+    odometry: str
 
     def account(self, names: Sequence[str] | None = None) -> str:
-        """Say in some lines which landmarks are not trusted, by their rows or names."""
+        """Say in some lines which landmarks are not trusted, by their rows or names, and what odometry was taken for.
+
+        Nothing, if covariances came with odometry and all landmarks are trusted.
+        """
 
         def call(rows: Index) -> str:
             return ", ".join(str(row) if names is None else names[row] for row in rows)
 
-        lines = []
+        lines = [self.odometry] if "without covariances" in self.odometry else []
         if len(self.distrusted):
             lines.append(f"{len(self.distrusted)} landmarks contradict odometry: {call(self.distrusted)}")
         for group in self.moved:
@@ -162,7 +169,7 @@ def smooth_poles(
     known : array_like of bool, shape (N - 1,), optional
         Which motions were measured.
     covariances : array_like, shape (N - 1, 3, 3), optional
-        Of the motions, in the tangent space of the body after each; those of the noise model by default.
+        Of the motions, in the tangent space of the body after each; by default as the settings say.
     stamps : array_like, shape (N,), optional
         Times, s; numbers of poses by default.
     frame : str
@@ -183,44 +190,46 @@ def smooth_poles(
     """
     began = time.perf_counter()
     settings = settings or PoleSmootherSettings()
-    given = PoleObservations.of(local_maps, odometry, known, covariances, settings.odometry)
-    detections, motions, measured, of_motions = given.detections, given.motions, given.measured, given.covariances
+    given = PoleObservations.of(local_maps, odometry, known, covariances, settings.odometry or UNTOLD)
+    detections, motions, measured = given.detections, given.motions, given.measured
     n = len(detections)
     belief = _belief(start, settings)
     way = float(np.hypot(motions[:, 0], motions[:, 1]).sum())
     _require_near(landmarks, belief, way, seed)
     kept = _distinct(landmarks, settings.duplicates)
     used = landmarks.select(kept)
-    model = WindowModel(used, settings.mixture, settings.information, settings.odometry, settings.optimizer)
-    track = track_poles(
-        model, detections, motions, of_motions, measured, belief, settings.tracking, progress=progress, seed=seed
-    )  # fmt: skip
-    about: dict[str, Any] = {
-        "mixture": settings.mixture, "information": settings.information, "noise": settings.odometry,
-        "known": measured, "optimizer": settings.optimizer, "prior": gaussian(belief, seed),
-    }  # fmt: skip
-    motions = track.calibration.applied(motions)
-    found = PoleGraph(detections, motions, of_motions, **about).solve(used, track.poses, (1, 2, 3))
-    history = found.history
-    left = OdometryCalibration.of(pose_array(found.values), motions, measured)
-    graph, calibration = PoleGraph(detections, left.applied(motions), of_motions, **about), track.calibration.then(left)
-    found = graph.solve(used, pose_array(found.values), (2, 3))
-    consensus = LandmarkTrust(graph, used, found, settings.consensus, settings.moved.reach)
+    loss = settings.odometry or UNTOLD
+    model = WindowModel(used, settings.mixture, settings.information, loss, settings.optimizer)
+    fit = PoleFit.of(model, given, belief, settings.tracking, progress, seed)
+    source = "odometry: covariances as given" if covariances is not None else "odometry: noise as set"
+    if covariances is None and settings.odometry is None:
+        found, driven = pose_array(fit.found.values), fit.calibration.applied(given.motions)
+        noise = DriveNoise.of(found, driven, given.measured)
+        if noise is None:
+            source = (
+                "odometry: came without covariances, and the drive is too short to tell its noise: a moved row of "
+                "landmarks may pass; give covariances or settings.odometry"
+            )
+        else:
+            source = f"odometry: came without covariances; against the map it is good to {noise}"
+            given = given.with_covariances(noise.covariances(driven))
+            fit = PoleFit.of(model, given, belief, settings.tracking, progress, seed)
+    graph, found_all = fit.graph, fit.found
+    consensus = LandmarkTrust(graph, used, found_all, settings.consensus, settings.moved.reach)
     consensus.seek()
     consensus.pardon()
-    found, trusted = consensus.found, consensus.trusted
-    history += consensus.history
-    poses = pose_array(found.values)
+    solved, trusted = consensus.found, consensus.trusted
+    poses = pose_array(solved.values)
     matches = consensus.matches()
     matches = np.where(matches >= 0, kept[matches], -1)
     conflicts = [Conflict(c.first, c.last, c.distance, kept[c.landmarks]) for c in consensus.conflicts]
     missed, moved = find_moved_groups(poses, detections, matches, landmarks.poles.positions, settings.moved)
     floor = np.diag(position_heading(2, settings.map_position, settings.map_heading) ** 2)
     times = np.arange(n, dtype=np.float64) if stamps is None else np.asarray(stamps, np.float64)
-    trajectory = Trajectory(times, poses, marginal_covariances(found, graph.keys) + floor, world=frame)
-    residuals = {"odometry": graph.odometry_costs(found)}
-    if found.scan_costs is not None:
-        residuals["scan"] = found.scan_costs.cost
+    trajectory = Trajectory(times, poses, marginal_covariances(solved, graph.keys) + floor, world=frame)
+    residuals = {"odometry": graph.odometry_costs(solved)}
+    if solved.scan_costs is not None:
+        residuals["scan"] = solved.scan_costs.cost
     distrusted = kept[~trusted]
     rejected = {
         "detections without landmark": int((matches < 0).sum()),
@@ -231,12 +240,15 @@ def smooth_poles(
         "landmarks missed": len(missed),
         "bridges odometry does not meet": consensus.broken,
         "motions not measured": int((~measured).sum()),
-        "searches": track.searches,
+        "searches": fit.searches,
     }
     result = Result(
-        trajectory, found.cost, history, found.stop, residuals, rejected, time.perf_counter() - began
+        trajectory, solved.cost, fit.history + consensus.history, solved.stop, residuals, rejected,
+        time.perf_counter() - began,
     )  # fmt: skip
-    return PoleLocalization(result, matches, distrusted, tuple(conflicts), missed, tuple(moved), calibration)
+    return PoleLocalization(
+        result, matches, distrusted, tuple(conflicts), missed, tuple(moved), fit.calibration, source
+    )
 
 
 def _belief(start: npt.ArrayLike | PosePrior | Initialization, settings: PoleSmootherSettings) -> Initialization:
