@@ -8,7 +8,7 @@ import numpy as np
 
 from benchmarks.filter_study import FilterSettings
 from benchmarks.sensor_models_findings import COMPARED, FIGURE_MODELS, FILTERED, Findings
-from factorloc.viewer.style import FONT_SIZE, INK, WIDTH, dress, line_style, new_figure
+from factorloc.viewer.style import FONT_SIZE, INK, OKABE_ITO, WIDTH, dress, line_style, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -70,12 +70,12 @@ def models_picture(found: Findings, filters: FilterSettings) -> Figure:
 def _points(axes: Axes, model: str, values: list[float], bars: np.ndarray) -> None:
     number = _STYLES[model]
     place = np.arange(len(values)) + 0.09 * (number - (len(_STYLES) - 1) / 2)
-    style = {"color": line_style(number)["color"]}
+    style = {"color": line_style(number)["color"] if number < len(OKABE_ITO) else INK}
     axes.errorbar(place, values, bars, label=model, fmt="os^Dvp<"[number % 7], markersize=4, elinewidth=0.8, **style)
 
 
 def _finish(axes: Axes, found: Findings, unit: str, title: str) -> None:
     dress(axes, "", unit)
-    axes.set_xticks(range(len(found.scenes)), found.scenes)
+    axes.set_xticks(range(len(found.scenes)), [scene.replace("-", "\n") for scene in found.scenes])
     axes.set_title(title, fontsize=FONT_SIZE, color=INK, loc="left")
     axes.legend(fontsize=FONT_SIZE - 1, labelcolor=INK, frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
