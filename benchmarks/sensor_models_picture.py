@@ -70,8 +70,9 @@ def models_picture(found: Findings, filters: FilterSettings) -> Figure:
 def _points(axes: Axes, model: str, values: list[float], bars: np.ndarray) -> None:
     number = _STYLES[model]
     place = np.arange(len(values)) + 0.09 * (number - (len(_STYLES) - 1) / 2)
-    style = {"color": line_style(number)["color"] if number < len(OKABE_ITO) else INK}
-    axes.errorbar(place, values, bars, label=model, fmt="os^Dvp<"[number % 7], markersize=4, elinewidth=0.8, **style)
+    color = OKABE_ITO[number] if number < len(OKABE_ITO) else INK
+    marker = "os^Dvp<"[number % 7]
+    axes.errorbar(place, values, bars, label=model, fmt=marker, markersize=4, elinewidth=0.8, color=color)
 
 
 def _finish(axes: Axes, found: Findings, unit: str, title: str) -> None:
