@@ -19,6 +19,9 @@ METHODS = ("filter", "smoother")
 COLUMNS = ("position error", "position RMSE", "heading error", "heading RMSE")
 """Of table 12.1, m and deg."""
 
+LARGEST = "largest position error"
+"""Of any run, m; stands beside."""
+
 
 @dataclass
 class Outcome:
@@ -40,6 +43,11 @@ class Outcome:
         values = [(float(e.mean()), float(np.sqrt((e**2).mean(1)).mean())) for e in both]
         return (*values[0], *values[1])
 
+    @property
+    def largest(self) -> float:
+        """Largest error of a position in any run, m."""
+        return max(float(errors.max()) for errors in self.position)
+
     def longest_above(self, limit: float, spacing: float) -> float:
         """Longest way in one piece on which a run was farther off than a limit, m."""
         return max(_longest(errors > limit) for errors in self.position) * spacing
@@ -54,14 +62,16 @@ class LongtermBenchmark(Benchmark):
         for who, outcome in outcomes.items():
             for name, value, unit in zip(COLUMNS, outcome.row(), ("m", "m", "deg", "deg"), strict=True):
                 self.figure(f"session {number:02d}: {who}: {name}", value, unit)
+            self.figure(f"session {number:02d}: {who}: {LARGEST}", outcome.largest, "m")
 
     def _figure_table(self) -> Table:
         table = Table("session", title=f"{self.name} (filter as published | smoother)", title_justify="left")
-        for header in ("f_map\n%", *("pos\nm", "RMSE\nm", "ang\ndeg", "RMSE\ndeg") * len(METHODS)):
+        shown = (*COLUMNS, LARGEST)
+        for header in ("f_map\n%", *("pos\nm", "RMSE\nm", "ang\ndeg", "RMSE\ndeg", "max\nm") * len(METHODS)):
             table.add_column(header, justify="right")
         names = dict.fromkeys(name.split(": ")[0] for name in self.figures if name.endswith(": f_map"))
         for name in names:
-            cells = [f"{self.figures[f'{name}: {who}: {column}'][0]:.3f}" for who in METHODS for column in COLUMNS]
+            cells = [f"{self.figures[f'{name}: {who}: {column}'][0]:.3f}" for who in METHODS for column in shown]
             table.add_row(name.removeprefix("session "), f"{self.figures[f'{name}: f_map'][0]:.1f}", *cells)
         rest = [name for name in self.figures if name.split(": ")[0] not in names]
         table.caption = "\n".join(f"{name}: {self.figures[name][0]:.4g} {self.figures[name][1]}" for name in rest)
