@@ -12,9 +12,15 @@ from factorloc.cli.recording import Mount, reader_options
 from factorloc.cli.selection import SELECTION_HELP, select_scans
 
 if TYPE_CHECKING:
-    from factorloc.mapping import PoleMappingSettings
+    import numpy as np
+    import numpy.typing as npt
 
-__all__ = ["poles"]
+    from factorloc.mapping import PoleDetectionRates, PoleMappingSettings
+
+__all__ = ["EPSILON", "poles"]
+
+EPSILON = "epsilon of a second drive"
+"""Name in the provenance of a map, 1/m."""
 
 _BACKGROUND_SCANS = 60  # of a picture
 _BACKGROUND_EDGE = 0.3  # m
@@ -34,6 +40,13 @@ def poles(
             "a TOML or JSON file of settings."
         ),
     ] = "evidence",
+    second: Annotated[
+        Path | None,
+        typer.Option(
+            help="Another recording, with true poses in the same frame: says how often poles are found there, and what "
+            "else is, for the particle filter."
+        ),
+    ] = None,
     frame: Annotated[str, typer.Option(help="Name of the map's frame.")] = "map",
     origin: Annotated[
         tuple[float, float, float] | None,
@@ -49,8 +62,12 @@ def poles(
 
     [green]factorloc map poles kitti/sequences/07 -o poles.geojson[/green]
 
+    [green]factorloc map poles world/sequences/00 --second world/sequences/01[/green]
+
     [green]factorloc map poles 2011_09_26/2011_09_26_drive_0005_sync --origin 49.0112 8.4229 0[/green]
     """
+    from dataclasses import replace
+
     import numpy as np
 
     from factorloc.datasets import open_drive
@@ -77,12 +94,17 @@ def poles(
     with progress_bar("poles", mapper.count(path), "local maps") as progress:
         mapper.add(recording.name, used, path, progress)
     found = mapper.finish(frame, {"recording": recording.name, "scans": scans, "settings": settings}, place)
+    rates = None if second is None else _rates(second, found.positions, chosen, mount)
+    if rates is not None:
+        found = replace(found, provenance={**found.provenance, EPSILON: repr(rates.epsilon)})
     write_pole_map(output, found)
     size = np.ptp(found.positions, axis=0)
     console.print(
         f"{output}: {len(found)} poles, {size[0]:.1f} x {size[1]:.1f} m, "
         f"from {len(used)} scans over {path.length:.1f} m"
     )
+    if rates is not None:
+        console.print(f"{second}: {rates}", soft_wrap=True)
     for report in drive.reports:
         console.print(f"[dim]{report}[/dim]", soft_wrap=True)
     if picture:
@@ -93,6 +115,19 @@ def poles(
         file = output.with_suffix(".png")
         save_figure(plot_pole_map(found, top_view(below), below.grid.extent, trajectory=path), file)
         console.print(f"picture: {file}")
+
+
+def _rates(
+    recording: Path, positions: npt.NDArray[np.float64], settings: PoleMappingSettings, mount: Mount
+) -> PoleDetectionRates:
+    from factorloc.datasets import open_drive
+    from factorloc.errors import DataError
+    from factorloc.mapping import PoleDetectionRates, local_maps
+
+    drive = open_drive(recording, **reader_options(mount))
+    if drive.dimension == 2 or drive.truth is None:
+        raise DataError(f"{recording}: a second drive needs scans in space and true poses, in the frame of the map")
+    return PoleDetectionRates.of(positions, local_maps(drive.scans, drive.truth, settings.poles))
 
 
 def _settings(name: str) -> PoleMappingSettings:

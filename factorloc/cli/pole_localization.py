@@ -13,12 +13,13 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
     from factorloc.datasets import Drive
+    from factorloc.localization.pole_filter import PoleFilterSettings
     from factorloc.localization.run_folder import RunFolder
     from factorloc.mapping.pole_map import PoleMap
     from factorloc.result import Result
     from factorloc.trajectory import Trajectory
 
-__all__ = ["localize_among_poles"]
+__all__ = ["filter_settings", "localize_among_poles"]
 
 
 def localize_among_poles(
@@ -92,7 +93,7 @@ def localize_among_poles(
     settings: PoleSmootherSettings | PoleFilterSettings
     distrusted: list[int] = []
     if method is Method.MCL:
-        settings = PoleFilterSettings() if config is None else read_config(config, PoleFilterSettings)
+        settings = filter_settings(pole_map) if config is None else read_config(config, PoleFilterSettings)
         if particles is not None:
             settings = settings.replaced(particles=particles)
         result = filter_poles(landmarks, seen.detections, seen.motions, planar, settings=settings, **about)
@@ -126,6 +127,21 @@ def localize_among_poles(
     console.print(f"{name}: " + ", ".join(f"{count} {what}" for what, count in kept.items()))
     console.print(f"{name}: {result.summary()}, {result.seconds:.2f} s")
     console.print(f"results: {folder.folder} (also {output / 'latest'})")
+
+
+def filter_settings(pole_map: PoleMap) -> PoleFilterSettings:
+    """Published settings, with the epsilon of the map's second drive if it had one."""
+    from factorloc.cli.pole_command import EPSILON
+    from factorloc.errors import MapError
+    from factorloc.localization.pole_filter import PoleFilterSettings
+
+    told = pole_map.provenance.get(EPSILON)
+    if told is None:
+        return PoleFilterSettings()
+    try:
+        return PoleFilterSettings().replaced(epsilon=float(told))
+    except ValueError as error:
+        raise MapError(f"pole map: {EPSILON}: {told!r} is no positive number; make the map again") from error
 
 
 def _draw(

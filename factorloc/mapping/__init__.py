@@ -28,6 +28,7 @@ from factorloc.mapping.noisy_decay_rate import NoisyDecayRateMap
 from factorloc.mapping.normalized_end_point import NormalizedEndPointModel
 from factorloc.mapping.occupancy import OccupancyMap
 from factorloc.mapping.out_of_range import OutOfRangePrior
+from factorloc.mapping.pole_detection_rates import PoleDetectionRates
 from factorloc.mapping.pole_extractor import PoleExtractor
 from factorloc.mapping.pole_map import PoleMap
 from factorloc.mapping.pole_map_storage import is_pole_map, read_pole_map, write_pole_map
@@ -80,6 +81,7 @@ __all__ = [
     "OccupancyMap",
     "OutOfRangePrior",
     "Outline",
+    "PoleDetectionRates",
     "PoleExtractor",
     "PoleMap",
     "PoleMapper",

@@ -162,7 +162,7 @@ def pole_scan(poles: Poles | npt.ArrayLike, stamp: float = 0.0) -> Scan:
     return Scan(directions, ranges, np.full(len(points), RayStatus.RETURN, np.uint8), (0.0, np.inf), stamp=stamp)
 
 
-def clutter_density(matched: int, unmatched: int, gate: float) -> float:
+def clutter_density(matched: float, unmatched: float, gate: float) -> float:
     """Density of detections that are not in the map, as a filter adds it to the Gaussian of those that are.
 
     A share u of the detections of a second drive has no pole within the gate. Taken as spread evenly over distances up
@@ -171,8 +171,8 @@ def clutter_density(matched: int, unmatched: int, gate: float) -> float:
 
     Parameters
     ----------
-    matched, unmatched : int
-        Detections with and without a pole of the map within the gate.
+    matched, unmatched : float
+        Numbers of detections with and without a pole of the map within the gate.
     gate : float
         m.
 

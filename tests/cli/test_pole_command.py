@@ -11,6 +11,8 @@ import pytest
 from typer.testing import CliRunner
 
 from factorloc.cli.app import app
+from factorloc.cli.pole_command import EPSILON
+from factorloc.cli.pole_localization import filter_settings
 from factorloc.errors import DataError, MapError
 from factorloc.mapping import PoleMap, Poles, read_pole_map, write_pole_map
 from factorloc.simulation import StreetSettings, hdl_32e, simulate_drive, street_route, street_scene, write_kitti
@@ -51,6 +53,20 @@ def test_a_drive_becomes_a_map_with_its_place_and_picture(recorded: Path, tmp_pa
     told = run("info", str(output))
     assert "pole map" in told
     assert "found where in view" in told
+
+
+@full_size
+def test_a_second_drive_tells_what_the_filter_should_expect(recorded: Path, tmp_path: Path) -> None:
+    sequence, output = str(recorded / "sequences" / "00"), tmp_path / "poles.geojson"
+    told = run("map", "poles", sequence, "-o", str(output), "--second", sequence, "--no-picture")
+    assert "poles in view found" in told
+    found = read_pole_map(output)
+    told_epsilon = float(found.provenance[EPSILON])
+    assert 0 < told_epsilon < 0.1
+    assert filter_settings(found).epsilon == told_epsilon
+    assert filter_settings(replace(found, provenance={})).epsilon == 0.1
+    with pytest.raises(MapError, match="make the map again"):
+        filter_settings(replace(found, provenance={EPSILON: "much"}))
 
 
 @full_size
