@@ -28,7 +28,8 @@ class PoleMixture(Block):
         t N(z; l, sigma_z^2 + sigma_l^2) f(width) f(height) / clutter(score),
 
     and the one of "not in the map" is 1. Widths and heights count by ``exp(-min((difference / sigma)^2 / 2, cap))``: a
-    pole half hidden looks short. Clutter is rarer among detections with a high score.
+    pole half hidden looks short. Clutter is rarer among detections with a high score, as scores of the drive go: what a
+    score is worth depends on who gives it.
 
     Parameters
     ----------
@@ -43,7 +44,8 @@ class PoleMixture(Block):
     attribute_cap : float
         The most that a wrong width, or height, costs.
     score_slope : float
-        By how much the logarithm of the clutter falls with the score; 0 where scores say nothing.
+        By how much the logarithm of the clutter falls with a standard deviation of the scores of the drive, never by
+        more than the cap; 0 where scores say nothing.
     """
 
     sigma: float = Field(0.1, gt=0)
@@ -52,7 +54,7 @@ class PoleMixture(Block):
     width_sigma: float = Field(0.15, gt=0)
     height_sigma: float = Field(1.0, gt=0)
     attribute_cap: float = Field(2.0, ge=0)
-    score_slope: float = Field(2.0, ge=0)
+    score_slope: float = Field(1.0, ge=0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,8 +123,11 @@ class PoleDetections:
         poles = self.poles
         out = np.empty((len(poles), 4))
         out[:, 0], out[:, 1], out[:, 2] = mixture.sigma**2, poles.widths, np.diff(poles.spans, axis=1)[:, 0]
-        usual = poles.scores.mean() if len(poles) else 0.0
-        out[:, 3] = np.log(mixture.clutter) - mixture.score_slope * (poles.scores - usual)
+        out[:, 3] = np.log(mixture.clutter)
+        spread = float(poles.scores.std()) if len(poles) else 0.0
+        if spread > 1e-9 * float(np.abs(poles.scores).max(initial=0.0)):
+            worth = mixture.score_slope * (poles.scores - poles.scores.mean()) / spread
+            out[:, 3] -= np.clip(worth, -mixture.attribute_cap, mixture.attribute_cap)
         return out
 
 

@@ -47,10 +47,11 @@ def scene(seed: int, local_maps: int = 6) -> tuple[PoleDetections, PoleLandmarks
 def naive_cost(detections, landmarks, mixture, pose, number, blur) -> float:
     """The mixture, one pair at a time."""
     local, total = detections.local_map(number), 0.0
-    usual = detections.poles.scores.mean()
+    usual, spread = detections.poles.scores.mean(), detections.poles.scores.std()
     places = se2.transform(pose, local.positions)
     for k in range(len(local)):
-        clutter = mixture.clutter * np.exp(-mixture.score_slope * (local.scores[k] - usual))
+        worth = mixture.score_slope * (local.scores[k] - usual) / spread if spread > 0 else 0.0
+        clutter = mixture.clutter * np.exp(-np.clip(worth, -mixture.attribute_cap, mixture.attribute_cap))
         variance = mixture.sigma**2 + mixture.landmark_sigma**2 + blur**2
         best = 0.0
         for m in range(len(landmarks)):
@@ -257,3 +258,16 @@ def test_packed_detections_are_unpacked_selected_and_cut() -> None:
     with pytest.raises(GeometryError, match="does not fit 6 local maps"):
         PoleTerm(detections, scene(13)[1]).cost(poses, scan_of_pose=np.arange(6) + 1)
     assert not PoleMixture(score_slope=0.0).replaced(sigma=0.2).score_slope
+
+
+@given(st.floats(0.1, 100.0), st.floats(-50.0, 50.0))
+def test_what_a_score_is_worth_does_not_depend_on_its_unit(factor: float, shift: float) -> None:
+    detections, _, _ = scene(3)
+    poles = detections.poles
+    scaled = Poles(poles.positions, poles.widths, poles.spans, factor * poles.scores + shift)
+    mixture = PoleMixture()
+    expected = detections.columns(mixture)[:, 3]
+    assert expected.std() > 0.1
+    assert PoleDetections(scaled, detections.offsets).columns(mixture)[:, 3] == pytest.approx(expected, abs=1e-6)
+    alike = Poles(poles.positions, poles.widths, poles.spans, np.full(len(poles), shift))
+    assert PoleDetections(alike, detections.offsets).columns(mixture)[:, 3] == pytest.approx(np.log(mixture.clutter))
