@@ -26,6 +26,7 @@ Array = npt.NDArray[np.float64]
 
 _WIDENED = 9.0  # the detections of the metres before count again: what they made of the first pose counts little
 _SLACK = 1e-6
+_ENOUGH, _SOME = 20, 4  # detections before a block, and in it, from which on it may be in doubt
 
 
 class PoleTrackingSettings(Block):
@@ -47,6 +48,10 @@ class PoleTrackingSettings(Block):
         So many places that a search found are tracked, until detections have told them apart.
     margin : float
         One that costs more than the best by this is given up.
+    doubt : float
+        Where a block's detections fit less than this share of what they did on average before, the pose is searched.
+    astray : (float, float)
+        Standard deviations of a pose that is in doubt, m and rad: wheels slip, and landmarks are taken for others.
     scale, drift : float
         Standard deviations of what odometry is wrong by all along, m/m and rad/m.
     """
@@ -58,6 +63,8 @@ class PoleTrackingSettings(Block):
     search: SearchSettings = SearchSettings()
     hypotheses: int = Field(6, gt=0)
     margin: float = Field(8.0, gt=0)
+    doubt: float = Field(0.4, ge=0, lt=1)
+    astray: tuple[float, float] = (2.0, 0.1)
     scale: float = Field(0.02, gt=0)
     drift: float = Field(3e-4, gt=0)
 
@@ -124,6 +131,9 @@ def track_poles(
     while first < len(detections):
         last = drive.block(first)
         grown = [each for one in alive for each in drive.grown(one, first, last)]
+        best = min(grown, key=lambda each: each.cost)
+        if drive.in_doubt(best, first, last):
+            grown += drive.grown(alive[0], first, last, astray=True)
         alive = select_hypotheses(grown, last - 1, settings.hypotheses, settings.margin)
         if progress:
             progress(last)
@@ -153,10 +163,18 @@ class _Drive:
         """Pose behind the last one of the block that begins here."""
         return self._reach(first, self.settings.block)
 
-    def grown(self, one: PoleHypothesis, first: int, last: int) -> list[PoleHypothesis]:
-        """Track a block: one hypothesis, or more where a pose was searched."""
+    def in_doubt(self, one: PoleHypothesis, first: int, last: int) -> bool:
+        """Whether the detections of a block fit the map much worse than those before it did."""
+        before, now = self.detections.offsets[first], self.detections.offsets[last] - self.detections.offsets[first]
+        if before < _ENOUGH or now < _SOME:
+            return False
+        usual = one.scan_costs[:first].sum() / before
+        return bool(one.scan_costs[first:last].sum() / now > self.settings.doubt * usual)
+
+    def grown(self, one: PoleHypothesis, first: int, last: int, astray: bool = False) -> list[PoleHypothesis]:
+        """Track a block: one hypothesis, or more where a pose was searched, as it is if it went astray."""
         begin, motions = one.begin, one.calibration.mean.applied(self.motions)
-        guesses, searched = self._guesses(one, first, motions)
+        guesses, searched = self._guesses(one, first, motions, astray)
         if begin == first == 0:
             prior = gaussian(self.start, self.seed)
         else:
@@ -179,14 +197,17 @@ class _Drive:
             out.append(one.extended(found, prior, last, following, share))
         return out
 
-    def _guesses(self, one: PoleHypothesis, first: int, motions: Array) -> tuple[list[Array], bool]:
+    def _guesses(self, one: PoleHypothesis, first: int, motions: Array, astray: bool) -> tuple[list[Array], bool]:
         """Where the first pose of a block may be, and whether it was searched."""
         belief: Initialization = self.start
         guesses: list[Array] = []
         if first > 0:
             normal = one.ahead(motions[first - 1], self.covariances[first - 1])
             guesses, belief = [normal.prior.pose], normal
-            if np.linalg.eigvalsh(normal.prior.covariance[:2, :2])[-1] <= self.settings.wide**2:
+            if astray:
+                position, heading = self.settings.astray
+                guesses, belief = [], NormalStart.standing(normal.prior.pose, position, heading)
+            elif np.linalg.eigvalsh(normal.prior.covariance[:2, :2])[-1] <= self.settings.wide**2:
                 return guesses, False
         reach = self._reach(first, self.settings.ahead)
         seen = self.detections.rows(first, reach)

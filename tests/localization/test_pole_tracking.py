@@ -117,3 +117,21 @@ def test_a_motion_carries_the_covariance_into_its_new_body() -> None:
     rng = np.random.default_rng(0)
     drawn = se2.compose(se2.exp(rng.normal(0, 1, (200_000, 3)) * [0.1, 0.2, 0.05]), motion)
     assert np.cov(se2.log(se2.between(motion, drawn)).T) == pytest.approx(after, abs=0.01)
+
+
+def test_wheels_that_slip_are_noticed_by_what_does_not_fit_and_the_place_is_found_again() -> None:
+    street = make_street(length=300, seed=11)
+    motions = street.motions.copy()
+    motions[150] = se2.compose(motions[150], [1.0, 2.2, 0.12])  # far more than its covariance has it
+    off = street.truth[0] + [1.0, -1.0, 0.04]
+
+    def errors(**of_tracking: float) -> np.ndarray:
+        track = track_poles(
+            model_of(street.landmarks), PoleDetections.of(street.local_maps), motions, street.covariances,
+            np.ones(300, bool), NormalStart.from_sigmas(off, [1.5, 1.5, 0.05]), PoleTrackingSettings(**of_tracking),
+        )  # fmt: skip
+        return position_errors(track.poses, street.truth)
+
+    assert errors()[:110].max() < 0.3
+    assert errors()[190:].max() < 0.5
+    assert errors(doubt=0.0)[170:240].max() > 1.0
