@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
     from factorloc.mapping import PoleDetectionRates, PoleMappingSettings
+    from factorloc.scan import Scan
+    from factorloc.trajectory import Trajectory
 
 __all__ = ["EPSILON", "poles"]
 
@@ -40,6 +43,9 @@ def poles(
             "a TOML or JSON file of settings."
         ),
     ] = "evidence",
+    refine: Annotated[
+        bool, typer.Option(help="Register the scans with each other first: for poses that sway, as those of a GNSS do.")
+    ] = False,
     second: Annotated[
         Path | None,
         typer.Option(
@@ -90,10 +96,13 @@ def poles(
     rows = select_scans(len(drive), scans)
     used, path = [drive.scans[row] for row in rows], path.select(rows)
     place = None if origin is None else Georeference.at(origin[0], origin[1], float(np.radians(origin[2])))
+    if refine:
+        path = _refined(used, path)
     mapper = PoleMapper(chosen)
     with progress_bar("poles", mapper.count(path), "local maps") as progress:
         mapper.add(recording.name, used, path, progress)
-    found = mapper.finish(frame, {"recording": recording.name, "scans": scans, "settings": settings}, place)
+    origin_of = {"recording": recording.name, "scans": scans, "settings": settings}
+    found = mapper.finish(frame, origin_of | ({"refined": "yes"} if refine else {}), place)
     rates = None if second is None else _rates(second, found.positions, chosen, mount)
     if rates is not None:
         found = replace(found, provenance={**found.provenance, EPSILON: repr(rates.epsilon)})
@@ -115,6 +124,15 @@ def poles(
         file = output.with_suffix(".png")
         save_figure(plot_pole_map(found, top_view(below), below.grid.extent, trajectory=path), file)
         console.print(f"picture: {file}")
+
+
+def _refined(scans: Sequence[Scan], path: Trajectory) -> Trajectory:
+    from factorloc.localization.trajectory_refinement import refine_trajectory
+
+    with progress_bar("registration", len(scans)) as progress:
+        refined = refine_trajectory(scans, path, progress=progress)
+    console.print(str(refined), soft_wrap=True)
+    return refined.trajectory
 
 
 def _rates(

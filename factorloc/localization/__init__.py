@@ -36,6 +36,11 @@ from factorloc.localization.recovery import RecoverySettings
 from factorloc.localization.registration import Registration, RegistrationSettings, register, register_many
 from factorloc.localization.smoother import smooth
 from factorloc.localization.tracking import TrackingSettings, find_start, track
+from factorloc.localization.trajectory_refinement import (
+    RefinedTrajectory,
+    TrajectoryRefinementSettings,
+    refine_trajectory,
+)
 from factorloc.localization.wall_lines import WallLines
 
 __all__ = [
@@ -73,12 +78,14 @@ __all__ = [
     "PoseEstimate",
     "PreparedMap",
     "RecoverySettings",
+    "RefinedTrajectory",
     "RefinementSettings",
     "Registration",
     "RegistrationSettings",
     "ScanFactors",
     "TangentMotion",
     "TrackingSettings",
+    "TrajectoryRefinementSettings",
     "TurnDriveTurn",
     "WallLines",
     "estimate_in_bounds",
@@ -94,6 +101,7 @@ __all__ = [
     "persistence",
     "propagate",
     "refine",
+    "refine_trajectory",
     "register",
     "register_many",
     "smooth",

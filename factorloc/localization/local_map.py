@@ -164,8 +164,31 @@ class LocalMap:
             fit = self._fit_near(cloud, _moved(self._last.T_body_sensor, self._motion, cloud.T_body_sensor))
         return fit if fit.is_sound else self._fit_near(cloud, self._search(cloud))
 
+    def aligned(self, cloud: ThinScan, T_last_now: Array) -> tuple[Array, Array] | None:
+        """Find a scan near a pose of its body in that of the last one; its motion and covariance, None if it failed.
+
+        The map is left as it is.
+        """
+        if not (cloud.is_enough and self._last.is_enough):
+            return None
+        fit = self._fit_near(cloud, _moved(self._last.T_body_sensor, T_last_now, cloud.T_body_sensor))
+        return self._motion_of(cloud, fit) if fit.is_sound else None
+
     def advance(self, cloud: ThinScan, fit: Fit) -> tuple[Array, Array]:
         """Take a registered scan for the latest; return the motion of the body to it, and its covariance."""
+        motion, total = self._motion_of(cloud, fit)
+        to_body = se3.adjoint(cloud.T_body_sensor)
+        covariance = to_body @ fit.covariance @ to_body.T
+        self._last, self._T_map_sensor = cloud, fit.T_map_sensor
+        self._covariance, self._motion = covariance, motion
+        step = np.linalg.norm(se3.between(self._T_map_inserted, self._T_map_sensor)[:3, 3])
+        if step >= self._settings.least_step:
+            self._voxels.insert(cloud.points, self._T_map_sensor)
+            self._T_map_inserted = self._T_map_sensor
+        return motion, total
+
+    def _motion_of(self, cloud: ThinScan, fit: Fit) -> tuple[Array, Array]:
+        """Motion of the body from the last scan to a registered one, and its covariance."""
         mount = cloud.T_body_sensor
         T_last_now = se3.between(self._T_map_sensor, fit.T_map_sensor)
         motion = _moved(se3.inverse(self._last.T_body_sensor), T_last_now, se3.inverse(mount))
@@ -174,12 +197,6 @@ class LocalMap:
         covariance = to_body @ fit.covariance @ to_body.T
         least = np.repeat([self._settings.least_rotation, self._settings.least_translation], 3) ** 2
         total = covariance + back @ self._covariance @ back.T + np.diag(least)
-        self._last, self._T_map_sensor = cloud, fit.T_map_sensor
-        self._covariance, self._motion = covariance, motion
-        step = np.linalg.norm(se3.between(self._T_map_inserted, self._T_map_sensor)[:3, 3])
-        if step >= self._settings.least_step:
-            self._voxels.insert(cloud.points, self._T_map_sensor)
-            self._T_map_inserted = self._T_map_sensor
         return motion, (total + total.T) / 2
 
     def _search(self, cloud: ThinScan) -> Array:

@@ -70,6 +70,14 @@ def test_a_second_drive_tells_what_the_filter_should_expect(recorded: Path, tmp_
 
 
 @full_size
+def test_poses_may_be_refined_before(recorded: Path, tmp_path: Path) -> None:
+    output = tmp_path / "poles.h5"
+    told = run("map", "poles", str(recorded / "sequences" / "00"), "-o", str(output), "--refine", "--no-picture")
+    assert "trajectory refined by 11 motions between scans (0 failed)" in told
+    assert read_pole_map(output).provenance["refined"] == "yes"
+
+
+@full_size
 def test_settings_may_come_from_a_file_and_finding_nothing_is_one_line(recorded: Path, tmp_path: Path) -> None:
     settings = tmp_path / "strict.toml"
     settings.write_text("[poles]\nleast_score = 0.999\nleast_height = 4.9\n", encoding="utf-8")
