@@ -27,7 +27,7 @@ def park_picture(mapped: Array, localized: Array, trunks: Array) -> Figure:
     above.set_aspect("equal")
     above.set_xlabel("x (m)")
     above.set_ylabel("y (m)")
-    above.legend(loc="upper right", fontsize=8)
+    above.legend(loc="upper left", fontsize=8)
     way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(mapped[:, :2], axis=0).T))])
     below.plot(way, np.hypot(*(localized[:, :2] - mapped[:, :2]).T), color="C3", lw=0.8)
     below.set_xlabel("way (m)")
