@@ -90,7 +90,7 @@ class FacadeBounds:
 
     def select(self, which: npt.ArrayLike) -> FacadeBounds:
         """Bounds of the facades named by a mask or indices."""
-        rows = np.asarray(which)
+        rows = np.asarray(which) if np.size(which) else np.empty(0, np.int64)
         return FacadeBounds(self.first.select(rows), self.second.select(rows), self.alpha[rows], self.d[rows])
 
 

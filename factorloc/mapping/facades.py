@@ -73,7 +73,7 @@ class Facades:
 
     def select(self, which: npt.ArrayLike) -> Facades:
         """Walls named by a mask or indices."""
-        rows = np.asarray(which)
+        rows = np.asarray(which) if np.size(which) else np.empty(0, np.int64)
         return Facades(self.segments[rows], self.buildings[rows], self.shifts[rows], self.vertex_errors[rows])
 
 

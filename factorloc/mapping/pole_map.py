@@ -106,7 +106,7 @@ class PoleMap:
 
     def select(self, which: npt.ArrayLike) -> PoleMap:
         """Part of the map named by a mask or indices."""
-        rows = np.asarray(which)
+        rows = np.asarray(which) if np.size(which) else np.empty(0, np.int64)
         return replace(self, poles=self.poles.select(rows), seen=self.seen[rows], in_view=self.in_view[rows])
 
     def near(self, positions: npt.ArrayLike, reach: float) -> PoleMap:

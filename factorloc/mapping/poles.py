@@ -77,9 +77,11 @@ class Poles:
         names = ("positions", "widths", "spans", "scores")
         return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
-    def select(self, which: npt.ArrayLike) -> Poles:
+    def select(self, which: npt.ArrayLike | slice) -> Poles:
         """Poles named by a mask, a slice or indices."""
-        rows = np.asarray(which) if not isinstance(which, slice) else which
+        if isinstance(which, slice):
+            return Poles(self.positions[which], self.widths[which], self.spans[which], self.scores[which])
+        rows = np.asarray(which) if np.size(which) else np.empty(0, np.int64)
         return Poles(self.positions[rows], self.widths[rows], self.spans[rows], self.scores[rows])
 
     def transformed(self, T_map_body: npt.ArrayLike) -> Poles:

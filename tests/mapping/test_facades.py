@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from factorloc.errors import MapError
+from factorloc.mapping.facade_bounds import FacadeBounds
 from factorloc.mapping.facades import Facades
 
 SEGMENTS = [[[0, 0], [3, 4]], [[3, 4], [3, 0]]]
@@ -24,6 +25,10 @@ def test_lengths_and_selection() -> None:
 
 def test_no_walls_are_a_map_too() -> None:
     assert len(Facades(np.empty((0, 2, 2)), [], [], [])) == 0
+    facades = Facades(SEGMENTS, [7, 7], [1.5, 1.5], [0.2, 0.3])
+    for nothing in ([], np.zeros(2, np.bool_), np.empty(0)):
+        assert len(facades.select(nothing)) == 0
+        assert len(FacadeBounds.of(facades).select(nothing)) == 0
 
 
 @pytest.mark.parametrize(

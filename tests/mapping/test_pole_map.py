@@ -33,6 +33,7 @@ def test_detection_rates_pool_the_sessions() -> None:
 
 def test_selection_keeps_counts_with_their_poles() -> None:
     part = three().select([1])
+    assert len(three().select([])) == 0
     assert part.poles.widths.tolist() == [0.11]
     assert part.seen.tolist() == [[1, 2]]
     assert part.sessions == ("spring", "autumn")

@@ -31,7 +31,7 @@ def test_moving_turns_and_shifts_positions_alone() -> None:
 
 
 def test_none_and_joining_nothing_are_empty() -> None:
-    assert len(Poles.none()) == len(Poles.joined([])) == 0
+    assert len(Poles.none()) == len(Poles.joined([])) == len(three().select([])) == len(three().select(slice(0))) == 0
     assert Poles.none().transformed([1.0, 2.0, 3.0]).positions.shape == (0, 2)
 
 
