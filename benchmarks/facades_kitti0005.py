@@ -28,8 +28,9 @@ from factorloc.evaluation import ErrorStatistics
 from factorloc.evaluation.bounds import bound_coverage
 from factorloc.geometry import se2, wrap
 from factorloc.localization.bounded_least_squares import estimate_in_bounds
-from factorloc.localization.correspondences import accumulator_of, find_correspondences
+from factorloc.localization.correspondences import find_correspondences
 from factorloc.localization.interval_tracking import FacadeSettings, FacadeTrack, track_facades
+from factorloc.localization.line_cells import accumulator_of
 from factorloc.localization.wall_lines import WallLines
 from factorloc.mapping import FacadeMap, MapUncertainty
 from factorloc.mapping.facade_points import FacadePoints, ReductionSettings, ScanErrors, facade_points
@@ -240,9 +241,7 @@ def save_pictures(
     if strongest is None:
         return
     row = int(np.flatnonzero(found.asked == strongest.facade)[0])
-    accumulator = accumulator_of(
-        street.scans[0], found.associated[row], walls, strongest.facade, start, settings.localization.correspondences
-    )
+    accumulator = accumulator_of(street.scans[0], found.associated[row], walls, strongest.facade, start)
     of = np.full(len(street.scans[0]), -1)
     for one in found.found:
         of[found.associated[np.flatnonzero(found.asked == one.facade)[0]]] = one.facade

@@ -1,4 +1,4 @@
-"""Points against walls, sight of walls, and how many correspondences every cell of poses satisfies."""
+"""Points against walls, sight of walls, and the weight of the correspondences that every cell of poses satisfies."""
 
 import math
 
@@ -50,8 +50,8 @@ def cells_met(a, b, lo, hi, low, high, x_first, step, cells):
 
 
 @exact_kernel(allocates=False)
-def count_satisfied(strips, across, boxes, pairs, x_first, y_first, step, first, last, changes, counts):
-    """Count for every cell of poses how many correspondences its poses may satisfy.
+def weigh_satisfied(strips, across, boxes, pairs, weights, x_first, y_first, step, first, last, changes, sums):
+    """Add up for every cell of poses the weights of the correspondences that its poses may satisfy.
 
     Parameters
     ----------
@@ -62,16 +62,18 @@ def count_satisfied(strips, across, boxes, pairs, x_first, y_first, step, first,
         Two more strips of every pair of correspondences of one building.
     pairs : (P, 2) int64
         Those correspondences; each is in one pair at most.
+    weights : (K,) int32
+        Of the correspondences.
     x_first, y_first, step : float
         Corner and edge of the cells, m.
     first, last : (K,) int64
         To work in.
     changes : (X + 1,) int32
         To work in.
-    counts : (J, Y, X) int32
-        Written. A pair both of whose correspondences, but not whose strips are satisfied counts one less.
+    sums : (J, Y, X) int32
+        Written. Of a pair both of whose correspondences, but not whose strips are satisfied, the lighter one is left.
     """
-    slices, rows, cells = counts.shape
+    slices, rows, cells = sums.shape
     for j in range(slices):
         for y in range(rows):
             low = y_first + step * y
@@ -85,14 +87,15 @@ def count_satisfied(strips, across, boxes, pairs, x_first, y_first, step, first,
                 begin, end = max(begin, other), min(end, stop)
                 first[k], last[k] = begin, end
                 if begin < end:
-                    changes[begin] += 1
-                    changes[end] -= 1
+                    changes[begin] += weights[k]
+                    changes[end] -= weights[k]
             for p in range(pairs.shape[0]):
                 begin, end = max(first[pairs[p, 0]], first[pairs[p, 1]]), min(last[pairs[p, 0]], last[pairs[p, 1]])
                 if begin >= end:
                     continue
-                changes[begin] -= 1
-                changes[end] += 1
+                lighter = min(weights[pairs[p, 0]], weights[pairs[p, 1]])
+                changes[begin] -= lighter
+                changes[end] += lighter
                 for side in range(2):
                     a, b, lo, hi = (
                         boxes[j, p, side, 0],
@@ -103,17 +106,17 @@ def count_satisfied(strips, across, boxes, pairs, x_first, y_first, step, first,
                     other, stop = cells_met(a, b, lo, hi, low, high, x_first, step, cells)
                     begin, end = max(begin, other), min(end, stop)
                 if begin < end:
-                    changes[begin] += 1
-                    changes[end] -= 1
+                    changes[begin] += lighter
+                    changes[end] -= lighter
             running = 0
             for x in range(cells):
                 running += changes[x]
-                counts[j, y, x] = running
+                sums[j, y, x] = running
 
 
 @kernel(allocates=False)
 def see(segments, candidates, blockers, observers, samples, off, out):
-    """Whether some sample of a wall, shifted off it to its outer side, is seen from some observer.
+    """How many samples of a wall, shifted off it to its outer side, are seen from how many observers.
 
     Parameters
     ----------
@@ -127,8 +130,8 @@ def see(segments, candidates, blockers, observers, samples, off, out):
         Points of each wall.
     off : float
         Shift, m.
-    out : (C,) bool
-        Written.
+    out : (C,) float
+        Written: share of all ways between samples and observers that are free.
     """
     for k in range(candidates.size):
         f = candidates[k]
@@ -136,10 +139,10 @@ def see(segments, candidates, blockers, observers, samples, off, out):
         dx, dy = segments[f, 1, 0] - ax, segments[f, 1, 1] - ay
         length = math.hypot(dx, dy)
         nx, ny = dy / length, -dx / length
-        found = False
+        free = 0
         for o in range(observers.shape[0]):
             ox, oy = observers[o, 0], observers[o, 1]
-            if found or nx * (ox - ax) + ny * (oy - ay) <= 0.0:
+            if nx * (ox - ax) + ny * (oy - ay) <= 0.0:
                 continue
             for s in range(samples):
                 u = (s + 0.5) / samples
@@ -157,9 +160,8 @@ def see(segments, candidates, blockers, observers, samples, off, out):
                         hidden = True
                         break
                 if not hidden:
-                    found = True
-                    break
-        out[k] = found
+                    free += 1
+        out[k] = free / (samples * observers.shape[0])
 
 
 @exact_kernel(allocates=False)

@@ -10,6 +10,9 @@ from factorloc.intervals._sweep_kernels import sort_first
 from factorloc.intervals._trigonometric_kernels import cosine_sine_arrays
 from factorloc.localization._facade_kernels import gather
 
+PEAK = 13
+"""Numbers of a peak."""
+
 EDGE = 1e-12  # rad and m a unit of magnitude; bins overlap by far more than rounding moves their edges
 
 
@@ -38,9 +41,9 @@ def extract_lines(
         See ``find_peak``.
     least_votes : int
         Facades with fewer points are passed over.
-    out : (K, 11) float
+    out : (K, PEAK) float
         Written: votes (NaN if passed over), second peak, lower and upper alpha, lower and upper d, coverage, and the
-        5 %, 50 % and 95 % quantiles along the line of the supporters; and their number.
+        5 %, 25 %, 50 %, 75 % and 95 % quantiles along the line of the supporters; and their number.
     """
     most_a, most_d = 1, 1
     for k in range(lengths.size):
@@ -93,14 +96,15 @@ def support(points, mask, anchor, length, row, along):
             if row[4] - slack < d < row[5] + slack:
                 along[n] = y * c - x * s
                 n += 1
-    row[10] = n
+    row[12] = n
     if n == 0:
-        row[6] = row[7] = row[8] = row[9] = 0.0
+        row[6:12] = 0.0
         return
     sort_first(along, n)
     bins = 1
     for i in range(1, n):
         bins += 1 if math.floor(along[i]) != math.floor(along[i - 1]) else 0
     row[6] = min(bins / max(length, 1.0), 1.0)
-    for j in range(3):
-        row[7 + j] = along[int((0.05 + 0.45 * j) * (n - 1) + 0.5)]
+    for j in range(5):
+        part = 0.05 if j == 0 else (0.95 if j == 4 else 0.25 * j)
+        row[7 + j] = along[int(part * (n - 1) + 0.5)]

@@ -20,8 +20,9 @@ from pydantic import Field
 from factorloc.config import Block
 from factorloc.factors.prior import PosePrior
 from factorloc.geometry import se2, wrap
-from factorloc.localization.correspondences import Correspondence, Correspondences
+from factorloc.localization.correspondence import Correspondence, Correspondences
 from factorloc.localization.wall_lines import WallLines
+from factorloc.localization.wall_problem import WallProblem
 from factorloc.mapping.facade_points import FacadePoints
 from factorloc.result import Bounds, Iteration, StopReason
 
@@ -43,6 +44,8 @@ class LeastSquaresSettings(Block):
         associated too.
     information : float
         Weight of a point; neighbours share a wall's ornaments.
+    most_doubt : float
+        More doubtful correspondences are left out, unless all are.
     shift_sigma, vertex_sigma : float
         Standard deviations of shifts and of vertex errors, as parts of their greatest values.
     max_iterations : int
@@ -56,6 +59,7 @@ class LeastSquaresSettings(Block):
     point_sigma: float = Field(0.1, gt=0)
     cauchy: float = Field(2.0, gt=0)
     information: float = Field(0.2, gt=0, le=1)
+    most_doubt: float = Field(0.025, gt=0, le=1)
     shift_sigma: float = Field(0.25, gt=0)
     vertex_sigma: float = Field(0.5, gt=0)
     max_iterations: int = Field(40, gt=0)
@@ -133,6 +137,7 @@ def estimate_in_bounds(
     """
     settings = settings or LeastSquaresSettings()
     kept = [one for one in correspondences.found if one.facade not in conflicts]
+    kept = [one for one in kept if one.doubt <= settings.most_doubt] or kept
     pose = np.array(start, np.float64) if bounds is None else bounds.nearest(start)
     if kept:
         lines, rows = line_points(kept)
@@ -184,7 +189,10 @@ def solve_pairs(
     robust : float
         Threshold of the Cauchy loss, in standard deviations.
     """
-    problem = _Problem(points, rows, walls, prior, settings, robust)
+    problem = WallProblem(
+        points, rows, walls, prior, point_sigma=settings.point_sigma, robust=robust, weight=settings.information,
+        map_sigmas=(settings.shift_sigma, settings.vertex_sigma),
+    )  # fmt: skip
     pose, nuisance = np.array(start, np.float64), np.zeros(problem.unknowns)
     cost = problem.cost(pose, nuisance)
     damping, held, history = settings.initial_damping, 0, list[Iteration]()
@@ -218,95 +226,6 @@ def solve_pairs(
     pose[2] = wrap(pose[2]) if bounds is None else pose[2]
     residuals = problem.residuals(pose, np.zeros(problem.unknowns))[0]
     return BoundedEstimate(pose, _covariance(H, pose[2]), cost, tuple(history), stop, bounds, held, residuals)
-
-
-class _Problem:
-    """Unknowns: the pose in the world's coordinates, a shift of each building, offset and turn of each facade."""
-
-    def __init__(
-        self, points: Array, rows: Rows, walls: WallLines, prior: PosePrior | None, settings: LeastSquaresSettings,
-        robust: float,
-    ) -> None:  # fmt: skip
-        self.points = points
-        facades, self.of = np.unique(rows, return_inverse=True)
-        buildings, owner = np.unique(walls.facades.buildings[facades], return_inverse=True)
-        self.normals, self.along, self.centres = walls.normals[facades], walls.along[facades], walls.centres[facades]
-        self.count, self.buildings = len(facades), len(buildings)
-        self.unknowns = 2 * self.buildings + 2 * self.count
-        self.sigma, self.robust, self.weight = settings.point_sigma, robust, settings.information
-        shifts = np.zeros(self.buildings)
-        shifts[owner] = walls.facades.shifts[facades]
-        vertex = settings.vertex_sigma * walls.facades.vertex_errors[facades]
-        sigmas = np.concatenate([
-            np.repeat(settings.shift_sigma * shifts, 2),
-            vertex / math.sqrt(2.0),
-            math.sqrt(2.0) * vertex / walls.facades.lengths[facades],
-        ])  # fmt: skip
-        self.confidence = 1.0 / np.maximum(sigmas, 1e-4) ** 2
-        # How 1, the derivative by the heading and the way along a facade enter the unknowns, for each facade.
-        self.spread = np.zeros((self.count, 3, 3 + self.unknowns))
-        k = np.arange(self.count)
-        self.spread[k, 0, :2] = self.normals
-        self.spread[:, 1, 2] = 1.0
-        for axis in range(2):
-            self.spread[k, 0, 3 + 2 * owner + axis] = -self.normals[:, axis]
-        self.spread[k, 0, 3 + 2 * self.buildings + k] = -1.0
-        self.spread[k, 2, 3 + 2 * self.buildings + self.count + k] = -1.0
-        self.owner = owner
-        self.mean, self.information = np.zeros(3), np.zeros((3, 3))
-        if prior is not None:
-            turn = np.eye(3)
-            turn[:2, :2] = se2.rotation(prior.pose[2])
-            self.mean, self.information = prior.pose, turn @ prior.information @ turn.T
-
-    def residuals(self, pose: Array, nuisance: Array) -> tuple[Array, Array, Array]:
-        """Distances, their derivatives by the heading, and ways along the facades."""
-        c, s = math.cos(pose[2]), math.sin(pose[2])
-        x, y = c * self.points[:, 0] - s * self.points[:, 1], s * self.points[:, 0] + c * self.points[:, 1]
-        n, u, of = self.normals, self.along, self.of
-        shift = pose[:2] - self.centres
-        shifts = nuisance[: 2 * self.buildings].reshape(-1, 2)[self.owner]
-        offset = (n * (shift - shifts)).sum(1) - nuisance[2 * self.buildings : 2 * self.buildings + self.count]
-        turns = nuisance[2 * self.buildings + self.count :]
-        nx, ny = n[of, 0], n[of, 1]
-        along = u[of, 0] * x + u[of, 1] * y + (u * shift).sum(1)[of]
-        r = nx * x + ny * y + offset[of] - turns[of] * along
-        return r, ny * x - nx * y, along
-
-    def cost(self, pose: Array, nuisance: Array) -> float:
-        r = self.residuals(pose, nuisance)[0] / self.sigma
-        c2 = self.robust**2
-        away = self._from_prior(pose)
-        return float(
-            0.5 * self.weight * c2 * np.log1p(r * r / c2).sum()
-            + 0.5 * (self.confidence * nuisance**2).sum()
-            + 0.5 * away @ self.information @ away
-        )
-
-    def linearize(self, pose: Array, nuisance: Array) -> tuple[Array, Array]:
-        r, turn, along = self.residuals(pose, nuisance)
-        z = r / self.sigma
-        w = self.weight / (self.sigma**2 * (1.0 + z * z / self.robust**2))
-        basis = (np.ones_like(r), turn, along)
-        M, v = np.empty((self.count, 3, 3)), np.empty((self.count, 3))
-        for i in range(3):
-            weighted = w * basis[i]
-            v[:, i] = np.bincount(self.of, weighted * r, self.count)
-            for j in range(i, 3):
-                M[:, i, j] = M[:, j, i] = np.bincount(self.of, weighted * basis[j], self.count)
-        flat = self.spread.reshape(-1, self.spread.shape[2])
-        H = flat.T @ (M @ self.spread).reshape(flat.shape)
-        g = flat.T @ v.ravel()
-        H[np.arange(3, len(H)), np.arange(3, len(H))] += self.confidence
-        g[3:] += self.confidence * nuisance
-        H[:3, :3] += self.information
-        g[:3] += self.information @ self._from_prior(pose)
-        return H, g
-
-    def _from_prior(self, pose: Array) -> Array:
-        away = pose - self.mean
-        away[2] = wrap(away[2])
-        return np.asarray(away)
 
 
 def _covariance(H: Array, heading: float) -> Array:

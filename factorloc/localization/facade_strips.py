@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from factorloc.intervals import Interval
-from factorloc.localization.correspondences import Correspondence
+from factorloc.localization.correspondence import Correspondence
 from factorloc.localization.wall_lines import WallLines
 
 __all__ = ["SLACK", "Frame", "Strips"]
@@ -104,17 +104,17 @@ class Strips:
         return np.ascontiguousarray(np.concatenate([self.frame.turn(self.normal), low[..., None], high[..., None]], -1))
 
     def along_walls(self, walls: WallLines, by_chain: bool) -> Array:
-        """Strips along the walls: the median supporter is on the row of walls in line with the facade."""
+        """Strips along the walls: the middle half of the supporters meets the row of walls in line with the facade."""
         low, high = np.full(self.low.shape, -np.inf), np.full(self.low.shape, np.inf)
         if by_chain:
             rows = self.facades
             # The tangent, a quarter turn left of the normal, points from the start of a facade to its end.
             begin, end = walls.chains[rows, 0], walls.chains[rows, 1]
             error = walls.facades.shifts[rows] + walls.facades.vertex_errors[rows]
-            reached = np.array([one.reached for one in self.found])
+            first, last = np.array([one.middle for one in self.found]).T
             middle = (self.tangent * self.away).sum(-1)
             slack = self.slack_along + error * np.abs(self.tangent).sum(-1)
-            low, high = middle + begin - reached - slack, middle + end - reached + slack
+            low, high = middle + begin - last - slack, middle + end - first + slack
         return np.ascontiguousarray(
             np.concatenate([self.frame.turn(self.tangent), low[..., None], high[..., None]], -1)
         )

@@ -1,13 +1,18 @@
-"""Feasible sets: headings and positions that all but a few of some correspondences allow.
+"""Feasible sets: headings and positions that all correspondences allow, but for some that are doubtful enough.
 
 For a slice of headings ``theta``, a correspondence with the line ``(alpha_l, d_l)`` about the anchor q of the scan and
 the facade ``(alpha, d_m)`` about its centre c says
 
     alpha = alpha_l + theta,    n(alpha) . (t + R(theta) q - c) = d_m - d_l,
 
-a strip of positions t: heading and strip belong together. Across it, along the wall, the median of the supporters lies
-between the ends of the row of walls in line with the facade: a second strip. The ends of the facade itself would be too
-tight, as supporters are of its neighbours too, and so would be the first and the last supporter.
+a strip of positions t: heading and strip belong together. Across it, along the
+wall, some of the middle half of the supporters is between the ends of the row of walls in line with the facade: a
+second strip. The ends of the facade itself would be too tight, as supporters are of its neighbours too, and so would be
+the first and the last supporter.
+
+Some correspondences are false. Each has a doubt p, and weighs ``log((1 - p) / p)``: if they are false independently of
+each other, a pose at which the false ones are exactly those that fail has odds of ``exp(-weight of those)``. The set is
+made of the poses of least such weight, as many as hold all but a small part of these odds together.
 """
 
 from __future__ import annotations
@@ -24,10 +29,12 @@ from scipy import ndimage
 
 from factorloc.config import Block
 from factorloc.errors import GeometryError
+from factorloc.intervals import ConvexPolygon
 from factorloc.localization._cell_kernels import convex_hull, mark_polygon
-from factorloc.localization._facade_kernels import count_satisfied
-from factorloc.localization.correspondences import Correspondence
+from factorloc.localization._facade_kernels import weigh_satisfied
+from factorloc.localization.correspondence import Correspondence
 from factorloc.localization.facade_strips import SLACK, Frame, Strips
+from factorloc.localization.line_weights import likely_level, surprising_weight, weights_of
 from factorloc.localization.wall_lines import WallLines
 from factorloc.result import Bounds
 
@@ -43,11 +50,12 @@ class FeasibleSettings(Block):
 
     Parameters
     ----------
-    relaxed : float
-        Part of the correspondences that may be false, rounded down. The smallest number that leaves a pose is *not*
-        sound, and not on offer.
-    most_false : int
-        No more of them may be false than this, however many there are.
+    confidence : float
+        Poses are left out that together have at most the rest of the odds. That is a statement on doubts: no interval
+        operation can promise that a line is that of its wall. Published is the intersection of all.
+    surprise : float
+        Assumptions count as violated if the lightest correspondences that have to be false are so heavy that it was
+        less probable than this that as heavy ones are.
     orthogonal : {"chain", "none"}
         Second strip of each: along the wall, by the whole row of walls in line with it, or not at all. The facade alone
         would be too tight: supporters are of its neighbours too.
@@ -57,11 +65,11 @@ class FeasibleSettings(Block):
         Cells along the longer side of the positions that were possible.
     """
 
-    relaxed: float = Field(1.0 / 3.0, ge=0, lt=1)
-    most_false: int = Field(2, ge=0)
+    confidence: float = Field(0.995, gt=0, lt=1)
+    surprise: float = Field(1e-4, ge=0, lt=1)
     orthogonal: Literal["chain", "none"] = "chain"
-    slice: float = Field(math.radians(0.25), gt=0)
-    cells: int = Field(96, ge=4, le=512)
+    slice: float = Field(math.radians(0.35), gt=0)
+    cells: int = Field(64, ge=4, le=512)
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,17 +83,20 @@ class FeasibleSet:
     slices : tuple of Bounds
         The same by narrow slices of headings: heading and position belong together, and a motion moves them so.
     conflicts : tuple of int
-        Facades whose correspondences fail where most hold.
-    correspondences, allowed, failed : int
-        How many there were, how many may be false, and how many are at best.
+        Facades whose correspondences fail where those that hold weigh most.
+    correspondences : int
+        How many there were.
     """
 
     bounds: Bounds
     slices: tuple[Bounds, ...]
     conflicts: tuple[int, ...]
     correspondences: int
-    allowed: int
-    failed: int
+
+    @property
+    def failed(self) -> int:
+        """How many correspondences fail where most hold."""
+        return len(self.conflicts)
 
     @property
     def violated(self) -> bool:
@@ -99,11 +110,11 @@ def intersect_correspondences(
     start: Bounds | Sequence[Bounds],
     settings: FeasibleSettings | None = None,
 ) -> FeasibleSet:
-    """Intersect correspondences over slices of headings and cells of positions, all but some of them.
+    """Intersect correspondences over slices of headings and cells of positions, all but some doubtful ones.
 
-    A pose is kept if at least ``n - floor(relaxed n)`` of n correspondences may hold there; cells are kept whole, and
-    the convex hull of every set of positions that hang together becomes a polygon. If that many correspondences are
-    right (line in the hull, facade the right one), and the true pose was in the start, it is in the result.
+    Cells are kept whole, and the convex hull of every set of positions that hang together becomes a polygon. If the
+    true pose was in the start, and the lightest correspondences that are false (line not in the hull, facade not the
+    right one) weigh no more than those of the lightest pose that was kept, it is in the result.
 
     Walls of one building share its shift. Two that meet at an angle therefore also bound the position by a box: that of
     the parallelogram which they leave without the shift, plus the shift along each axis.
@@ -120,11 +131,10 @@ def intersect_correspondences(
         See there.
     """
     settings = settings or FeasibleSettings()
-    allowed = min(math.floor(settings.relaxed * len(found) + 1e-9), settings.most_false)
     given = (start,) if isinstance(start, Bounds) else tuple(start)
     whole = start if isinstance(start, Bounds) else hull_of(given)
     if not found:
-        return FeasibleSet(whole, given, (), 0, 0, 0)
+        return FeasibleSet(whole, given, (), 0)
     corners = np.concatenate(whole.polygons)
     middle = 0.5 * (corners.min(0) + corners.max(0))
     facades = np.array([one.facade for one in found])
@@ -139,22 +149,27 @@ def intersect_correspondences(
     strips = Strips(found, walls, frame, edges, float(np.hypot(*(0.5 * (high - low)))))
     across = strips.along_walls(walls, settings.orthogonal == "chain")
     pairs, boxes = strips.of_buildings(walls)
-    counts = np.empty((slices, shape[1], shape[0]), np.int32)
+    doubts = np.array([one.doubt for one in found])
+    weights = weights_of(doubts)
+    sums = np.empty((slices, shape[1], shape[0]), np.int32)
     room = np.empty(len(found), np.int64), np.empty(len(found), np.int64), np.empty(shape[0] + 1, np.int32)
     normal = strips.widened(strips.shift)
-    count_satisfied(normal, across, boxes, pairs, low[0], low[1], step, *room, counts)
-    counts[~_cells_of(given, edges, frame, low, step, shape)] = -1
-    best = int(counts.max())
-    failed = len(found) - max(best, 0)
-    conflicts = () if failed == 0 else _conflicts(counts, normal, across, low, step, facades)
-    kept = counts >= len(found) - allowed
-    if not kept.any():
-        return FeasibleSet(Bounds(whole.orientation, ()), (), conflicts, len(found), allowed, failed)
+    weigh_satisfied(normal, across, boxes, pairs, weights, low[0], low[1], step, *room, sums)
+    sums[~_cells_of(given, edges, frame, low, step, shape)] = -1
+    best, all_of_them = int(sums.max()), int(weights.sum())
+    conflicts = () if best == all_of_them else _conflicts(sums, normal, across, low, step, facades)
+    if best < 0 or all_of_them - best > surprising_weight(weights, doubts, settings.surprise):
+        return FeasibleSet(Bounds(whole.orientation, ()), (), conflicts, len(found))
+    kept = sums >= likely_level(sums, best, settings.confidence)
     turns = np.flatnonzero(kept.any((1, 2)))
     orientation = float(edges[turns[0]]), float(edges[turns[-1] + 1])
-    bounds = Bounds(orientation, _polygons(np.asarray(kept.any(0)), frame, low, step))
-    parts = tuple(Bounds((float(edges[j]), float(edges[j + 1])), _polygons(kept[j], frame, low, step)) for j in turns)
-    return FeasibleSet(bounds, parts, conflicts, len(found), allowed, failed)
+    bounds = Bounds(orientation, _cut(_polygons(np.asarray(kept.any(0)), frame, low, step), corners))
+    parts = []
+    for j in turns:
+        limits = float(edges[j]), float(edges[j + 1])
+        before = [polygon for one in given if _meet(one.orientation, limits) for polygon in one.polygons]
+        parts.append(Bounds(limits, _cut(_polygons(kept[j], frame, low, step), np.concatenate(before))))
+    return FeasibleSet(bounds, tuple(parts), conflicts, len(found))
 
 
 def hull_of(slices: Sequence[Bounds]) -> Bounds:
@@ -195,12 +210,27 @@ def _cells_of(
     return met
 
 
+def _meet(one: tuple[float, float], other: tuple[float, float]) -> bool:
+    return one[0] <= other[1] + SLACK and other[0] <= one[1] + SLACK
+
+
+def _cut(polygons: tuple[Array, ...], before: Array) -> tuple[Array, ...]:
+    """Polygons within the hull of what was possible before: whole cells would reach beyond it, scan after scan."""
+    hull = hull_of_points(before)
+    if len(hull) < 3:
+        return polygons
+    along = np.roll(hull, -1, 0) - hull
+    a, b = along[:, 1], -along[:, 0]
+    cut = [ConvexPolygon(one).clip_half_planes(a, b, a * hull[:, 0] + b * hull[:, 1]).corners for one in polygons]
+    return tuple(one if len(part) < 3 else part for one, part in zip(polygons, cut, strict=True))
+
+
 def _conflicts(
-    counts: npt.NDArray[np.int32], strips: Array, across: Array, low: Array, step: float,
+    sums: npt.NDArray[np.int32], strips: Array, across: Array, low: Array, step: float,
     facades: npt.NDArray[np.int64],
 ) -> tuple[int, ...]:  # fmt: skip
     """Facades whose strips do not meet the best cell."""
-    j, y, x = np.unravel_index(int(np.argmax(counts)), counts.shape)
+    j, y, x = np.unravel_index(int(np.argmax(sums)), sums.shape)
     centre = low + step * (np.array([x, y]) + 0.5)
     fails = np.zeros(len(facades), np.bool_)
     for limits in (strips[j], across[j]):

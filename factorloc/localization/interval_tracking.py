@@ -17,7 +17,8 @@ from factorloc.factors.prior import PosePrior
 from factorloc.geometry import se2
 from factorloc.localization.bounded_least_squares import BoundedEstimate, LeastSquaresSettings, estimate_in_bounds
 from factorloc.localization.bounded_motion import OdometryBounds, propagate, widen
-from factorloc.localization.correspondences import Correspondences, CorrespondenceSettings, find_correspondences
+from factorloc.localization.correspondence import Correspondences
+from factorloc.localization.correspondences import CorrespondenceSettings, find_correspondences
 from factorloc.localization.feasible_set import (
     FeasibleSet,
     FeasibleSettings,

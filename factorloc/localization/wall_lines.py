@@ -105,36 +105,29 @@ class WallLines:
 
         Walls are in line that look the same way, within 5 degrees and 1 m, with gaps of up to 3 m: rows of houses.
         """
-        return _chains(self.facades.segments, self.centres, self.along, self._tree)
-
-    @cached_property
-    def _tree(self) -> shapely.STRtree:
-        return shapely.STRtree(np.asarray(shapely.linestrings(self.facades.segments)))
+        return _chains(self.facades.segments, self.centres, self.along, self.facades.tree)
 
     def within(self, place: Box, reach: float) -> Rows:
         """Facades that may be within reach (m) of some point of a box, and turn their outer side to some, ascending."""
-        x, y = place.mid
         radius = float(np.hypot(*(0.5 * place.width)))
-        errors = np.sqrt(2.0) * (self.facades.shifts + self.facades.vertex_errors)
-        centre = shapely.Point(x, y)
-        found = self._tree.query(centre, predicate="dwithin", distance=reach + radius + float(errors.max(initial=0.0)))
-        rows = np.sort(found).astype(np.int64)
-        ahead = (self.normals[rows] * (np.array([x, y]) - self.centres[rows])).sum(1)
-        return np.asarray(rows[ahead > -(radius + errors[rows])], np.int64)
+        rows = self.facades.within(place.mid, reach + radius)
+        errors = np.sqrt(2.0) * (self.facades.shifts + self.facades.vertex_errors)[rows]
+        ahead = (self.normals[rows] * (place.mid - self.centres[rows])).sum(1)
+        return np.asarray(rows[ahead > -(radius + errors)], np.int64)
 
-    def seen_from(self, place: Box, rows: Rows, reach: float) -> Rows:
-        """Those of some facades that are seen from one of nine observers spread over a box.
+    def shares_seen_from(self, place: Box, rows: Rows, reach: float) -> Array:
+        """How much of some facades is seen from nine observers spread over a box, on average, (R,).
 
-        A wall is seen if one of five points on it, moved out by 0.4 m, is: mapped walls stand in the way.
+        Five points of each wall, moved out by 0.4 m, are looked for: mapped walls stand in the way.
         """
         x, y = place.mid
         radius = float(np.hypot(*(0.5 * place.width)))
         spread = [np.linspace(low, high, 3) for low, high in zip(place.lo, place.hi, strict=True)]
         observers = np.stack(np.meshgrid(*spread), -1).reshape(-1, 2)
-        blockers = self._tree.query(shapely.Point(x, y), predicate="dwithin", distance=reach + radius)
-        seen = np.empty(len(rows), np.bool_)
-        see(self.facades.segments, rows, np.sort(blockers).astype(np.int64), observers, 5, 0.4, seen)
-        return rows[seen]
+        blockers = self.facades.tree.query(shapely.Point(x, y), predicate="dwithin", distance=reach + radius)
+        shares = np.empty(len(rows))
+        see(self.facades.segments, rows, np.sort(blockers).astype(np.int64), observers, 5, 0.4, shares)
+        return shares
 
 
 def _chains(segments: Array, centres: Array, along: Array, tree: shapely.STRtree) -> Array:

@@ -202,21 +202,8 @@ class FacadeMap:
         return FacadeBounds.of(self.facades, origin)
 
     def within(self, center: npt.ArrayLike, reach: float) -> npt.NDArray[np.int64]:
-        """Facades that may be within reach of a point, whatever errors the map has, in ascending order.
-
-        Parameters
-        ----------
-        center : (2,) array_like
-            Point, m.
-        reach : float
-            Distance, m; add the radius of a region to ask for the region.
-        """
-        # No point of a wall is off by more than both errors along both axes.
-        errors = math.sqrt(2.0) * (self.facades.shifts + self.facades.vertex_errors)
-        point = shapely.Point(np.asarray(center, np.float64))
-        rows = self._tree.query(point, predicate="dwithin", distance=reach + float(errors.max(initial=0.0)))
-        rows = rows[shapely.distance(self._lines[rows], point) <= reach + errors[rows]]
-        return np.sort(rows).astype(np.int64)
+        """Facades that may be within reach of a point; see :meth:`Facades.within`."""
+        return self.facades.within(center, reach)
 
     def seen_from(self, position: npt.ArrayLike) -> Array:
         """Share of each facade that is seen from a point (x, y), m, if the map is as drawn; (F,).
@@ -281,11 +268,3 @@ class FacadeMap:
         errors = np.full(len(self.outlines), np.nan)
         np.fmax.at(errors, self.facades.buildings, self.facades.shifts + self.facades.vertex_errors)
         return certain_cores(self.outlines, errors)
-
-    @cached_property
-    def _lines(self) -> npt.NDArray[np.object_]:
-        return np.asarray(shapely.linestrings(self.facades.segments))
-
-    @cached_property
-    def _tree(self) -> shapely.STRtree:
-        return shapely.STRtree(self._lines)

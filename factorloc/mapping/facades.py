@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
+import shapely
 
 from factorloc.errors import MapError
 
@@ -70,6 +73,33 @@ class Facades:
         """Lengths as mapped, m, (F,)."""
         d = self.segments[:, 1] - self.segments[:, 0]
         return np.asarray(np.hypot(d[:, 0], d[:, 1]))
+
+    @cached_property
+    def lines(self) -> npt.NDArray[np.object_]:
+        """As lines of shapely, m, (F,)."""
+        return np.asarray(shapely.linestrings(self.segments))
+
+    @cached_property
+    def tree(self) -> shapely.STRtree:
+        """Spatial index of the lines."""
+        return shapely.STRtree(self.lines)
+
+    def within(self, center: npt.ArrayLike, reach: float) -> npt.NDArray[np.int64]:
+        """Facades that may be within reach of a point, whatever errors the map has, in ascending order.
+
+        Parameters
+        ----------
+        center : (2,) array_like
+            Point, m.
+        reach : float
+            Distance, m; add the radius of a region to ask for the region.
+        """
+        # No point of a wall is off by more than both errors along both axes.
+        errors = math.sqrt(2.0) * (self.shifts + self.vertex_errors)
+        point = shapely.Point(np.asarray(center, np.float64))
+        rows = self.tree.query(point, predicate="dwithin", distance=reach + float(errors.max(initial=0.0)))
+        rows = rows[shapely.distance(self.lines[rows], point) <= reach + errors[rows]]
+        return np.sort(rows).astype(np.int64)
 
     def select(self, which: npt.ArrayLike) -> Facades:
         """Walls named by a mask or indices."""

@@ -29,7 +29,7 @@ def town() -> District:
         lidar=settings.lidar.replaced(columns=90),
         drives=settings.drives.replaced(length=120.0, spacing=30.0),
     )
-    (found,) = districts(small, "tuning", None)
+    found = next(districts(small, "tuning", None))
     return replace(found, shot_count=4, drive_count=1)
 
 

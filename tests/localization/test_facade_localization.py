@@ -1,5 +1,7 @@
 """Localization among facades: what is guaranteed, what is conditional, and what is said when it fails."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from facade_street import SHIFT, crossing, points_on
@@ -9,14 +11,11 @@ from factorloc.evaluation.bounds import bound_coverage, bound_radii
 from factorloc.geometry import se2
 from factorloc.localization.bounded_least_squares import LeastSquaresSettings, estimate_in_bounds
 from factorloc.localization.bounded_motion import OdometryBounds, propagate
-from factorloc.localization.correspondences import (
-    Correspondence,
-    CorrespondenceSettings,
-    accumulator_of,
-    find_correspondences,
-)
+from factorloc.localization.correspondence import Correspondence
+from factorloc.localization.correspondences import CorrespondenceSettings, find_correspondences
 from factorloc.localization.feasible_set import FeasibleSettings, intersect_correspondences
 from factorloc.localization.interval_tracking import FacadeSettings, localize_scan, track_facades
+from factorloc.localization.line_cells import accumulator_of
 from factorloc.localization.wall_lines import WallLines
 from factorloc.mapping.facades import Facades
 from factorloc.result import Bounds
@@ -92,7 +91,7 @@ def test_truth_is_in_the_feasible_set_of_right_correspondences(street):
     assert coverage.mean_radii[2] < np.radians(2.0)
 
 
-def line_of(walls, true, row, pose, slack=0.02):
+def line_of(walls, true, row, pose, slack=0.02, doubt=0.01):
     """The correspondence of a wall that is seen without any error but a hull of cells."""
     from factorloc.intervals import Interval
 
@@ -102,8 +101,9 @@ def line_of(walls, true, row, pose, slack=0.02):
     alpha, d = np.arctan2(normal[1], normal[0]), float(normal @ (start - anchor))
     middle = float((0.5 * (start + end) - anchor) @ [-normal[1], normal[0]])
     return Correspondence(
-        int(row), anchor, Interval.around(alpha, 0.005), Interval.around(d, slack), 50, 0.1, 1.0, middle, (-5.0, 5.0)
-    )
+        int(row), anchor, Interval.around(alpha, 0.005), Interval.around(d, slack), 50, 0.1, 1.0, (middle, middle),
+        (-5.0, 5.0), doubt,
+    )  # fmt: skip
 
 
 def test_intersection_never_loses_the_truth_of_right_lines():
@@ -116,7 +116,7 @@ def test_intersection_never_loses_the_truth_of_right_lines():
         rows = rng.permutation(facing(walls, pose))[: rng.integers(1, 9)]
         start = Bounds.around(pose + rng.uniform(-1, 1, 3) * WIDE, 5.0, np.radians(5.0))
         found = tuple(line_of(walls, true, row, pose) for row in rows)
-        for settings in (FeasibleSettings(relaxed=0.0), FeasibleSettings(relaxed=0.3, cells=20)):
+        for settings in (FeasibleSettings(confidence=0.01), FeasibleSettings(cells=20)):
             feasible = intersect_correspondences(found, walls, start, settings)
             assert feasible.bounds.contains(pose)
             assert feasible.failed == 0
@@ -136,7 +136,7 @@ def test_walls_of_one_building_share_its_shift(street):
     for buildings in (mapped.buildings, np.arange(len(mapped))):
         slanted = WallLines(Facades(mapped.segments @ spin.T, buildings, mapped.shifts, mapped.vertex_errors))
         found = tuple(line_of(slanted, true @ spin.T, row, moved) for row in corner)
-        feasible = intersect_correspondences(found, slanted, start, FeasibleSettings(relaxed=0.0, cells=100))
+        feasible = intersect_correspondences(found, slanted, start, FeasibleSettings(confidence=0.01, cells=100))
         assert feasible.bounds.contains(moved)
         polygon = feasible.bounds.polygons[0]
         radii.append(np.ptp(polygon, axis=0).max())
@@ -150,10 +150,7 @@ def test_contradicting_facades_are_named_and_no_pose_is_invented(street):
     rows = facing(walls, pose)[:4]
     found = [line_of(walls, true, row, pose) for row in rows]
     good = Bounds.around(pose, 5.0, np.radians(5.0))
-    wrong = [
-        Correspondence(one.facade, one.anchor, one.alpha, one.d + shift, 50, 0.1, 1.0, one.reached, one.extent)
-        for one, shift in zip(found, (6.0, -6.0, 6.0, -6.0), strict=True)
-    ]
+    wrong = [replace(one, d=one.d + shift) for one, shift in zip(found, (6.0, -6.0, 6.0, -6.0), strict=True)]
     feasible = intersect_correspondences((*found[:1], *wrong), walls, good)
     assert feasible.violated
     assert feasible.bounds.polygons == ()
@@ -262,7 +259,8 @@ def test_picture_accumulator_is_that_of_the_search(street):
     accumulator = accumulator_of(points, found.associated[row], walls, one.facade, start)
     peak = accumulator.peak()
     assert peak.votes == one.votes
-    np.testing.assert_allclose([peak.alpha.lo, peak.d.hi], [one.alpha.lo, one.d.hi], atol=1e-9)
+    spare = CorrespondenceSettings().spare_turn
+    np.testing.assert_allclose([peak.alpha.lo - spare, peak.d.hi], [one.alpha.lo, one.d.hi], atol=1e-9)
 
 
 def test_a_start_that_is_too_wide_or_empty_gets_one_line(street):
