@@ -65,7 +65,7 @@ class FeasibleSettings(Block):
         Cells along the longer side of the positions that were possible.
     """
 
-    confidence: float = Field(0.995, gt=0, lt=1)
+    confidence: float = Field(0.9999, gt=0, lt=1)
     surprise: float = Field(1e-4, ge=0, lt=1)
     orthogonal: Literal["chain", "none"] = "chain"
     slice: float = Field(math.radians(0.35), gt=0)
