@@ -89,9 +89,11 @@ class Outcomes:
     def from_plain(cls, plain: dict[str, Any]) -> Outcomes:
         """What :meth:`to_plain` told."""
         sets = [Bounds((low, high), tuple(map(np.array, polygons))) for (low, high), polygons in plain["sets"]]
-        poses = {name: [np.array(pose) for pose in plain[name]] for name in _POSES}
-        rest = {name: plain[name] for name in _PLAIN if name not in _POSES}
-        return cls(sets, **poses, **rest)
+        found = cls(sets)
+        for name in _PLAIN:
+            kept_values = [np.array(pose) for pose in plain[name]] if name in _POSES else plain[name]
+            getattr(found, name).extend(kept_values)
+        return found
 
     def add(
         self, step: FacadeStep, points: FacadePoints, lines: WallLines, pose: Array, bounds: Bounds,

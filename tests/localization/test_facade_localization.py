@@ -160,6 +160,26 @@ def test_contradicting_facades_are_named_and_no_pose_is_invented(street):
         feasible.bounds.nearest(pose)
 
 
+def test_doubtful_lines_give_way_and_feasible_sets_stay_within_the_start(street):
+    """A false line of much doubt costs the truth nothing; and whole cells do not reach beyond the start."""
+    walls, true = street
+    pose = np.array([0.5, -0.3, 0.2])
+    rows = facing(walls, pose)[:4]
+    found = [line_of(walls, true, row, pose) for row in rows]
+    wrong = replace(found[0], d=found[0].d + 4.0, doubt=0.4)
+    start = Bounds.around(pose + np.array([0.4, 0.4, 0.0]), 1.0, np.radians(2.0))
+    feasible = intersect_correspondences((wrong, *found[1:]), walls, start)
+    assert feasible.bounds.contains(pose)
+    assert feasible.conflicts == (int(rows[0]),)
+    assert feasible.failed == 1
+    for part in (feasible.bounds, *feasible.slices):
+        for polygon in part.polygons:
+            assert all(start.contains([*corner, pose[2]], 1e-6) for corner in polygon)
+    sure = intersect_correspondences(tuple(found), walls, start)
+    assert sure.failed == 0
+    assert bound_radii(sure.bounds)[0] <= bound_radii(feasible.bounds)[0] + 1e-9
+
+
 def test_without_correspondences_the_start_is_left(street):
     start = Bounds.around(np.zeros(3), 5.0, 0.05)
     feasible = intersect_correspondences((), street[0], start)

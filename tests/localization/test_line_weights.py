@@ -1,0 +1,88 @@
+"""Weights of doubtful lines: against enumeration, and what doubt grows with."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from factorloc.localization._line_kernels import PEAK
+from factorloc.localization.line_doubt import DoubtSettings, doubts, marks
+from factorloc.localization.line_weights import likely_level, surprising_weight, weights_of
+
+some_doubts = st.lists(st.floats(0.002, 0.45), min_size=1, max_size=8).map(np.array)
+
+
+@given(some_doubts)
+def test_weights_are_log_odds_in_eighths(doubt: np.ndarray) -> None:
+    weights = weights_of(doubt)
+    assert (weights >= 1).all()
+    odds = 8 * np.log((1 - doubt) / doubt)
+    assert (np.abs(weights - odds) <= np.where(odds < 1, 1.0, 0.5) + 1e-9).all()
+    assert (np.diff(weights[np.argsort(doubt)]) <= 0).all()
+
+
+@given(some_doubts, st.sampled_from([0.3, 0.05, 1e-3, 1e-6]))
+def test_surprising_weight_is_that_of_all_subsets(doubt: np.ndarray, surprise: float) -> None:
+    weights = weights_of(doubt)
+    chances: dict[int, float] = {}
+    for false in itertools.product([False, True], repeat=len(doubt)):
+        mask = np.array(false)
+        chance = float(np.where(mask, doubt, 1 - doubt).prod())
+        weight = int(weights[mask].sum())
+        chances[weight] = chances.get(weight, 0.0) + chance
+    limit = surprising_weight(weights, doubt, surprise)
+    assert sum(c for w, c in chances.items() if w > limit) <= surprise + 1e-9
+    if limit > 0:
+        assert sum(c for w, c in chances.items() if w > limit - 1) > surprise - 1e-9
+
+
+@given(
+    st.lists(st.integers(-1, 60), min_size=1, max_size=200).filter(lambda sums: max(sums) >= 0),
+    st.sampled_from([0.5, 0.9, 0.999]),
+)
+def test_cells_below_the_level_hold_no_more_than_the_rest_of_the_odds(sums: list[int], confidence: float) -> None:
+    cells = np.array(sums, np.int32)
+    level = likely_level(cells, int(cells.max()), confidence)
+    odds = np.where(cells >= 0, np.exp((cells - cells.max()) / 8.0), 0.0)
+    assert odds[cells < level].sum() <= (1 - confidence) * odds.sum() + 1e-9
+    # One level more would leave out too much.
+    assert odds[cells <= level].sum() >= (1 - confidence) * odds.sum() - 1e-9
+    assert level <= cells.max()
+
+
+def peak(**changes: float) -> np.ndarray:
+    """A line with 80 votes, no rival, 0.4 m wide, supporters over 10 m."""
+    columns = {"votes": 0, "second": 1, "low": 4, "high": 5, "coverage": 6, "begin": 7, "end": 11}
+    row = np.zeros((1, PEAK))
+    plain = {"votes": 80.0, "second": 0.0, "low": 0.0, "high": 0.4, "coverage": 1.0, "begin": -5.0, "end": 5.0}
+    values = plain | changes
+    for name, value in values.items():
+        row[0, columns[name]] = value
+    return row
+
+
+def doubt_of(
+    row: np.ndarray, length: float = 10.0, seen: float = 1.0, error: float = 0.3, window: float = 10.0
+) -> float:
+    found = doubts(marks(row, *(np.array([v]) for v in (length, seen, error, window))), DoubtSettings())
+    return float(found[0])
+
+
+def test_doubt_grows_with_rivals_and_shrinks_with_votes() -> None:
+    plain = doubt_of(peak())
+    assert plain == pytest.approx(1 / (1 + np.exp(4.71)))
+    assert doubt_of(peak(second=40.0)) > 5 * plain
+    assert doubt_of(peak(votes=30.0)) > plain
+    assert doubt_of(peak(coverage=0.5)) > plain
+    assert doubt_of(peak(), seen=0.2) > plain
+    assert doubt_of(peak(), error=0.05) > plain
+    assert doubt_of(peak(), window=3.0) < plain
+    assert doubt_of(peak(), length=20.0, window=1.0, error=3.0) == DoubtSettings().least
+
+
+def test_without_a_peak_there_is_no_doubt_to_tell() -> None:
+    assert np.isnan(doubt_of(peak(votes=np.nan, low=5.0, high=-5.0)))
