@@ -45,7 +45,7 @@ class LeastSquaresSettings(Block):
     information : float
         Weight of a point; neighbours share a wall's ornaments.
     most_doubt : float
-        More doubtful correspondences are left out, unless all are.
+        More doubtful correspondences are left out, unless all are and nothing else is known.
     shift_sigma, vertex_sigma : float
         Standard deviations of shifts and of vertex errors, as parts of their greatest values.
     max_iterations : int
@@ -59,7 +59,7 @@ class LeastSquaresSettings(Block):
     point_sigma: float = Field(0.1, gt=0)
     cauchy: float = Field(2.0, gt=0)
     information: float = Field(0.2, gt=0, le=1)
-    most_doubt: float = Field(0.025, gt=0, le=1)
+    most_doubt: float = Field(0.2, gt=0, le=1)
     shift_sigma: float = Field(0.25, gt=0)
     vertex_sigma: float = Field(0.5, gt=0)
     max_iterations: int = Field(40, gt=0)
@@ -137,7 +137,8 @@ def estimate_in_bounds(
     """
     settings = settings or LeastSquaresSettings()
     kept = [one for one in correspondences.found if one.facade not in conflicts]
-    kept = [one for one in kept if one.doubt <= settings.most_doubt] or kept
+    trusted = [one for one in kept if one.doubt <= settings.most_doubt]
+    kept = trusted if trusted or prior is not None else kept
     pose = np.array(start, np.float64) if bounds is None else bounds.nearest(start)
     if kept:
         lines, rows = line_points(kept)

@@ -9,13 +9,15 @@ import numpy.typing as npt
 from pydantic import Field
 
 from factorloc.config import Block
-from factorloc.intervals import Interval, rotate
+from factorloc.intervals import Box, ConvexPolygon, Interval, rotate
 from factorloc.localization.feasible_set import hull_of_points
 from factorloc.result import Bounds
 
 __all__ = ["OdometryBounds", "propagate", "widen"]
 
 Array = npt.NDArray[np.float64]
+
+_MANY = 64  # corners
 
 
 class OdometryBounds(Block):
@@ -86,4 +88,14 @@ def _swept(polygon: Array, low: Array, high: Array) -> Array:
     slack = 1e-12 * (1.0 + float(np.abs(polygon).max()))
     corners = np.array([[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]])
     corners += slack * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-    return hull_of_points((polygon[:, None] + corners).reshape(-1, 2))
+    return _with_few_corners(hull_of_points((polygon[:, None] + corners).reshape(-1, 2)))
+
+
+def _with_few_corners(polygon: Array) -> Array:
+    """A polygon of many corners within one of 32 sides: where sets are only carried along, corners would pile up."""
+    if len(polygon) <= _MANY:
+        return polygon
+    turns = np.arange(32) * (np.pi / 16.0)
+    a, b = np.cos(turns), np.sin(turns)
+    box = ConvexPolygon.from_box(Box(Interval.hull_of(polygon, 0)))
+    return box.clip_half_planes(a, b, (np.outer(a, polygon[:, 0]) + np.outer(b, polygon[:, 1])).max(1)).corners

@@ -43,6 +43,7 @@ __all__ = ["FeasibleSet", "FeasibleSettings", "hull_of", "hull_of_points", "inte
 Array = npt.NDArray[np.float64]
 
 _NEIGHBOURS = np.ones((3, 3))
+_SIDES = 12
 
 
 class FeasibleSettings(Block):
@@ -215,12 +216,16 @@ def _meet(one: tuple[float, float], other: tuple[float, float]) -> bool:
 
 
 def _cut(polygons: tuple[Array, ...], before: Array) -> tuple[Array, ...]:
-    """Polygons within the hull of what was possible before: whole cells would reach beyond it, scan after scan."""
+    """Polygons within the hull of what was possible before: whole cells would reach beyond it, scan after scan.
+
+    Its longest sides do, or corners would become more with every scan.
+    """
     hull = hull_of_points(before)
     if len(hull) < 3:
         return polygons
     along = np.roll(hull, -1, 0) - hull
-    a, b = along[:, 1], -along[:, 0]
+    sides = np.argsort(-np.hypot(along[:, 0], along[:, 1]))[:_SIDES]
+    hull, a, b = hull[sides], along[sides, 1], -along[sides, 0]
     cut = [ConvexPolygon(one).clip_half_planes(a, b, a * hull[:, 0] + b * hull[:, 1]).corners for one in polygons]
     return tuple(one if len(part) < 3 else part for one, part in zip(polygons, cut, strict=True))
 

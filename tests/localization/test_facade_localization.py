@@ -8,9 +8,10 @@ from facade_street import SHIFT, crossing, points_on
 
 from factorloc.errors import GeometryError
 from factorloc.evaluation.bounds import bound_coverage, bound_radii
+from factorloc.factors import PosePrior
 from factorloc.geometry import se2
 from factorloc.localization.bounded_least_squares import LeastSquaresSettings, estimate_in_bounds
-from factorloc.localization.bounded_motion import OdometryBounds, propagate
+from factorloc.localization.bounded_motion import OdometryBounds, propagate, widen
 from factorloc.localization.correspondence import Correspondence
 from factorloc.localization.correspondences import CorrespondenceSettings, find_correspondences
 from factorloc.localization.feasible_set import FeasibleSettings, intersect_correspondences
@@ -214,10 +215,27 @@ def test_least_squares_finds_the_exact_pose_without_errors(street):
     pose = np.array([1.0, 0.5, 0.3])
     points, _ = points_on(true, facing(exact, pose), pose, rng, error=0.0)
     start = Bounds.around(pose + np.array([1.0, -0.5, 0.02]), 3.0, np.radians(3.0))
-    settings = FacadeSettings(least_squares=LeastSquaresSettings(tolerance=1e-9))
+    settings = FacadeSettings(least_squares=LeastSquaresSettings(tolerance=1e-9, most_doubt=0.02))
     step = localize_scan(points, exact, start, settings=settings)
     np.testing.assert_allclose(step.estimate.pose, pose, atol=5e-3)
     assert step.estimate.stop.converged
+
+
+def test_doubtful_lines_move_no_estimate_away_from_what_is_known(street):
+    walls, true = street
+    rng = np.random.default_rng(6)
+    pose = np.array([0.3, 0.1, -0.2])
+    points, _ = points_on(true, facing(walls, pose), pose, rng)
+    start = Bounds.around(pose, 3.0, np.radians(3.0))
+    found = find_correspondences(points, walls, start)
+    doubtful = replace(found, found=tuple(replace(one, doubt=0.4) for one in found.found))
+    known = pose + np.array([1.0, -1.0, 0.01])
+    prior = PosePrior.from_sigmas(known, 0.5, 0.02)
+    held = estimate_in_bounds(points, doubtful, walls, known, start, prior=prior)
+    np.testing.assert_allclose(held.pose, known, atol=1e-6)
+    # Without anything else, even doubtful lines are better than the guess.
+    free = estimate_in_bounds(points, doubtful, walls, known, start)
+    assert np.hypot(*(free.pose - pose)[:2]) < 0.5
 
 
 def test_propagation_loses_no_pose():
@@ -229,6 +247,18 @@ def test_propagation_loses_no_pose():
     poses = np.column_stack([weights @ bounds.polygons[0], rng.uniform(*bounds.orientation, 20_000)])
     moved = se2.compose(poses, motion + rng.uniform(-1, 1, (20_000, 3)) * errors)
     assert all(after.contains(pose) for pose in moved)
+
+
+def test_sets_that_are_only_carried_along_keep_few_corners():
+    rng = np.random.default_rng(8)
+    bounds = Bounds((0.1, 0.3), (np.array([[0.0, 0.0], [2.0, 0.5], [1.5, 3.0], [0.2, 2.0]]),))
+    poses = np.array([[1.0, 1.5, 0.2], [0.2, 0.1, 0.11], [1.4, 2.8, 0.29]])
+    for _ in range(40):
+        motion = rng.normal(0, [1.0, 0.2, 0.1])
+        bounds = widen(propagate(bounds, motion, [0.05, 0.03, 0.005]), 0.05, 0.001)
+        poses = se2.compose(poses, motion + rng.uniform(-1, 1, (3, 3)) * [0.05, 0.03, 0.005])
+        assert all(bounds.contains(pose) for pose in poses)
+        assert len(bounds.polygons[0]) <= 64
 
 
 def test_tracking_keeps_the_truth_and_says_where_it_could_not(street):
