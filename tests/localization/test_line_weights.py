@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from factorloc.localization._facade_kernels import weigh_satisfied
 from factorloc.localization._line_kernels import PEAK
 from factorloc.localization.line_doubt import DoubtSettings, doubts, marks
 from factorloc.localization.line_weights import likely_level, surprising_weight, weights_of
@@ -86,3 +87,36 @@ def test_doubt_grows_with_rivals_and_shrinks_with_votes() -> None:
 
 def test_without_a_peak_there_is_no_doubt_to_tell() -> None:
     assert np.isnan(doubt_of(peak(votes=np.nan, low=5.0, high=-5.0)))
+
+
+@given(st.integers(0, 2**31))
+def test_no_cell_weighs_less_than_any_of_its_poses(seed: int) -> None:
+    """Random strips, along and across, with pairs that leave boxes; random points of every cell."""
+    rng = np.random.default_rng(seed)
+    slices, count, rows, cells, step = 2, 5, 4, 6, 0.5
+
+    def strips(*shape: int) -> np.ndarray:
+        turns = rng.choice([0.0, np.pi / 2, np.nan], shape)
+        turns = np.where(np.isnan(turns), rng.uniform(-np.pi, np.pi, shape), turns)
+        middle, half = rng.uniform(-1.5, 1.5, shape), rng.uniform(-0.1, 1.0, shape)
+        return np.stack([np.cos(turns), np.sin(turns), middle - half, middle + half], -1)
+
+    normal, across, boxes = strips(slices, count), strips(slices, count), strips(slices, 2, 2)
+    pairs = np.array([[0, 1], [2, 4]])
+    weights = rng.integers(1, 50, count).astype(np.int32)
+    sums = np.empty((slices, rows, cells), np.int32)
+    room = np.empty(count, np.int64), np.empty(count, np.int64), np.empty(cells + 1, np.int32)
+    weigh_satisfied(normal, across, boxes, pairs, weights, -1.5, -1.0, step, *room, sums)
+
+    def holds(limits: np.ndarray, point: np.ndarray) -> np.ndarray:
+        value = limits[..., :2] @ point
+        return (limits[..., 2] <= value) & (value <= limits[..., 3])
+
+    for j, y, x in itertools.product(range(slices), range(rows), range(cells)):
+        for point in np.array([-1.5 + step * x, -1.0 + step * y]) + step * rng.random((5, 2)):
+            satisfied = holds(normal[j], point) & holds(across[j], point)
+            weight = int(weights[satisfied].sum())
+            for pair, box in zip(pairs, boxes[j], strict=True):
+                if satisfied[pair].all() and not holds(box, point).all():
+                    weight -= int(weights[pair].min())
+            assert weight <= sums[j, y, x] <= weights.sum()
