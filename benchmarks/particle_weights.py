@@ -18,8 +18,8 @@ from benchmarks._plain_particle_kernels import (
     plain_field,
     plain_posterior,
     plain_reflection,
+    plain_spatial_decay,
 )
-from benchmarks._plain_spatial_particle_kernels import plain_spatial_decay
 from benchmarks.particle_weights_scenes import Query, Scene
 from factorloc.errors import MapError
 from factorloc.geometry import se2
