@@ -2,8 +2,8 @@
 
 Each computes what a sensor model of the package computes, as it is written down: rays are moved by the pose, cut off at
 the map, and walked as Amanatides and Woo (1987) describe it, the nearer of the next two lines first. Numbers of cells
-lie in flat arrays with a rim of one cell, as those of the package. One file, however long: numba does not notice an edit
-in a kernel that another file calls.
+lie in flat arrays with a rim of one cell, as those of the package. One file, however long: numba does not notice
+an edit in a kernel that another file calls.
 """
 
 from __future__ import annotations
