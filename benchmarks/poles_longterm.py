@@ -31,8 +31,9 @@ from factorloc.geometry import se3
 from factorloc.localization import AroundPose
 from factorloc.localization.moved_poles import visibility
 from factorloc.localization.pole_filter import PoleFilterSettings, filter_poles
+from factorloc.localization.pole_localization import PoleLocalization
 from factorloc.localization.pole_persistence import PersistenceSettings, persistence
-from factorloc.localization.pole_smoother import PoleLocalization, PoleSmootherSettings, smooth_poles
+from factorloc.localization.pole_smoother import PoleSmootherSettings, smooth_poles
 from factorloc.mapping.pole_likelihood import PoleLikelihood
 from factorloc.mapping.pole_map import PoleMap
 from factorloc.mapping.pole_mapping import PoleMappingSettings

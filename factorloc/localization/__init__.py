@@ -29,8 +29,9 @@ from factorloc.localization.particle_filter import ParticleFilter, ParticleFilte
 from factorloc.localization.particles import Particles
 from factorloc.localization.pole_drive import PoleDrive
 from factorloc.localization.pole_filter import PoleFilterSettings, filter_poles
+from factorloc.localization.pole_localization import PoleLocalization
 from factorloc.localization.pole_persistence import PersistenceSettings, persistence
-from factorloc.localization.pole_smoother import PoleLocalization, PoleSmootherSettings, smooth_poles
+from factorloc.localization.pole_smoother import PoleSmootherSettings, smooth_poles
 from factorloc.localization.prepared_map import MeasurementSettings, PreparedMap
 from factorloc.localization.recovery import RecoverySettings
 from factorloc.localization.registration import Registration, RegistrationSettings, register, register_many
