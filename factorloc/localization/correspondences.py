@@ -20,11 +20,13 @@ from factorloc.localization.wall_lines import WallLines
 from factorloc.mapping.facade_points import FacadePoints
 from factorloc.result import Bounds
 
-__all__ = ["CorrespondenceSettings", "find_correspondences"]
+__all__ = ["WIDEST_START", "CorrespondenceSettings", "find_correspondences"]
 
 Array = npt.NDArray[np.float64]
 
-_WIDEST_START = math.radians(60.0)
+WIDEST_START = math.radians(60.0)
+"""Greatest span of headings for which facades are asked for, rad."""
+
 _REASONS = ("short", "out of sight", "few points", "few votes", "wide", "rivalled", "uncovered", "doubtful")
 
 
@@ -106,7 +108,7 @@ def find_correspondences(
     """
     settings = settings or CorrespondenceSettings()
     theta = Interval(*start.orientation)
-    if theta.width > _WIDEST_START:
+    if theta.width > WIDEST_START:
         raise GeometryError(f"bounds: headings span {np.degrees(theta.width):.0f} degrees; facades need 60 or less")
     place = bounding_box(start)
     middle = place.mid

@@ -18,7 +18,7 @@ from factorloc.geometry import se2
 from factorloc.localization.bounded_least_squares import BoundedEstimate, LeastSquaresSettings, estimate_in_bounds
 from factorloc.localization.bounded_motion import OdometryBounds, propagate, widen
 from factorloc.localization.correspondence import Correspondences
-from factorloc.localization.correspondences import CorrespondenceSettings, find_correspondences
+from factorloc.localization.correspondences import WIDEST_START, CorrespondenceSettings, find_correspondences
 from factorloc.localization.feasible_set import (
     FeasibleSet,
     FeasibleSettings,
@@ -57,7 +57,8 @@ class FacadeSettings(Block):
     recovery_position, recovery_heading : float
         After a scan that violates the assumptions it is widened by so much (m, rad): what violates them may be the set.
     prior_position, prior_heading : float
-        Standard deviations of the last estimate carried along, m and rad; they hold what facades do not.
+        Standard deviations of the last estimate carried along, m and rad; they hold what facades do not, and average
+        the shifts of the buildings passed. About those of a motion between two scans.
     """
 
     correspondences: CorrespondenceSettings = CorrespondenceSettings()
@@ -70,8 +71,8 @@ class FacadeSettings(Block):
     forgetting_heading: float = Field(math.radians(0.05), ge=0)
     recovery_position: float = Field(2.0, ge=0)
     recovery_heading: float = Field(math.radians(1.0), ge=0)
-    prior_position: float = Field(0.5, gt=0)
-    prior_heading: float = Field(math.radians(1.0), gt=0)
+    prior_position: float = Field(0.08, gt=0)
+    prior_heading: float = Field(0.005, gt=0)
 
 
 class FacadeDriveSettings(Block):
@@ -201,6 +202,8 @@ def track_facades(
 ) -> FacadeTrack:
     """Track a drive among facades.
 
+    Where headings span more than 60 degrees, no facade is asked for any more, and the set is only carried along.
+
     Parameters
     ----------
     scans : sequence of FacadePoints
@@ -257,10 +260,14 @@ def track_facades(
                 pose = se2.compose(pose, moves[k - 1])
                 prior = PosePrior(pose, covariance)
         around = widen(known, settings.margin_position, settings.margin_heading) if k else known
-        step = localize_scan(points, walls, around, pose, within=slices, prior=prior, settings=settings)
+        if around.orientation[1] - around.orientation[0] > WIDEST_START:
+            nothing = Correspondences((), np.empty(0, np.int64), np.empty((0, len(points)), np.bool_), {})
+            step = FacadeStep(nothing, FeasibleSet(known, slices, (), 0), None, None, prior)
+        else:
+            step = localize_scan(points, walls, around, pose, within=slices, prior=prior, settings=settings)
         if step.estimate is not None:
             slices, known, pose = step.feasible.slices, step.feasible.bounds, step.estimate.pose
-        else:
+        elif step.feasible.violated:
             slices = tuple(widen(one, settings.recovery_position, settings.recovery_heading) for one in slices)
             known = hull_of(slices)
         pose = known.nearest(middle_of(known) if pose is None else pose)

@@ -37,7 +37,9 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     drive.truth.write_tum(folder / "truth.tum")
     bounds = {"along_per_metre": 0.2, "across_per_metre": 0.1, "turn_per_metre": 0.02, "least_length": 0.1}
     bounds |= {"least_turn": 0.03}
-    (folder / "settings.json").write_text(json.dumps({"localization": {"odometry": bounds}}))
+    (folder / "settings.json").write_text(
+        json.dumps({"localization": {"odometry": bounds, "feasible": {"confidence": 0.99}}})
+    )
     return folder
 
 

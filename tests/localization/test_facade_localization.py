@@ -283,6 +283,20 @@ def test_tracking_keeps_the_truth_and_says_where_it_could_not(street):
     assert track.result.rejected["scans whose assumptions are violated"] == track.violated.sum()
 
 
+def test_a_drive_whose_heading_is_lost_is_carried_along(street):
+    walls, _ = street
+    rng = np.random.default_rng(3)
+    away = points_on(street[1], facing(walls, np.zeros(3)), np.zeros(3), rng)[0]
+    start = Bounds.around(np.zeros(3), 1.0, np.radians(40.0))
+    motions = np.array([[1.0, 0.0, 0.0]])
+    begin = Bounds.around(np.zeros(3), 1.0, np.radians(29.0))
+    track = track_facades([away, away], [0.0, 1.0], motions, walls, start)
+    assert not track.violated.any()
+    assert [len(step.correspondences.found) for step in track.steps] == [0, 0]
+    assert track.result.bounds[1].contains([1.0, 0.0, 0.0])
+    assert len(track_facades([away], [0.0], [], walls, begin).steps[0].correspondences.found) > 0
+
+
 def test_radii_are_half_sides_and_empty_sets_count_as_failures():
     tilted = Bounds((0.0, 0.2), (np.array([[2.0, 0.0], [0.0, 2.0], [-1.0, 1.0], [1.0, -1.0]]),))
     small, large, angle = bound_radii(tilted)
