@@ -24,6 +24,7 @@ from benchmarks.harness import Benchmark, arguments, new_console, one_line_error
 from benchmarks.longterm_outcomes import COLUMNS, METHODS, LongtermBenchmark, Outcome
 from benchmarks.longterm_picture import longterm_picture
 from benchmarks.longterm_poles import detect, make_map
+from benchmarks.longterm_preparation import prepare
 from benchmarks.longterm_sessions import LongtermWorld, Recording, record
 from factorloc.config import Block, read_config
 from factorloc.factors import PoleDetections, PoleLandmarks
@@ -104,15 +105,14 @@ def main(argv: list[str] | None = None) -> int:
         {"quick": given.quick, "sessions run": numbers, "filter runs": runs, **settings.model_dump(mode="json")},
     )
     console, began = new_console(), time.perf_counter()
+    wanted = sorted({0, *numbers})
+    ready = prepare(wanted, settings.world, settings.mapping.poles, cache, given.threads)
+    list(progress_of(ready, "scans and poles", total=len(wanted), console=console))
     town = settings.world.all_sessions
-    recordings: dict[int, Recording] = {}
-    for number in progress_of(sorted({0, *numbers}), "scans", console=console):
-        recordings[number] = record(settings.world, number, cache, town.session)
+    recordings = {number: record(settings.world, number, cache, town.session) for number in wanted}
     others = [recordings[number] for number in numbers if number]
     pole_map, fractions = make_map(recordings[0], others, settings.world, settings.mapping, cache)
-    found: dict[int, PoleDetections] = {}
-    for number in progress_of(numbers, "poles", console=console):
-        found[number] = detect(recordings[number], settings.world, settings.mapping.poles, cache)
+    found = {number: detect(recordings[number], settings.world, settings.mapping.poles, cache) for number in numbers}
     bench.figure("poles in the map", len(pole_map), "1")
     bench.figure("scans and poles", time.perf_counter() - began, "s")
     chronicle = Chronicle(pole_map, settings)
