@@ -10,7 +10,7 @@ from pydantic import Field
 
 from factorloc.config import Block
 from factorloc.intervals import Box, ConvexPolygon, Interval, rotate
-from factorloc.localization.feasible_set import hull_of_points
+from factorloc.localization.feasible_set import hull_of_points, without_twins
 from factorloc.result import Bounds
 
 __all__ = ["OdometryBounds", "propagate", "widen"]
@@ -88,7 +88,7 @@ def _swept(polygon: Array, low: Array, high: Array) -> Array:
     slack = 1e-12 * (1.0 + float(np.abs(polygon).max()))
     corners = np.array([[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]])
     corners += slack * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-    return _with_few_corners(hull_of_points((polygon[:, None] + corners).reshape(-1, 2)))
+    return _with_few_corners(without_twins(hull_of_points((polygon[:, None] + corners).reshape(-1, 2))))
 
 
 def _with_few_corners(polygon: Array) -> Array:

@@ -44,6 +44,8 @@ Array = npt.NDArray[np.float64]
 
 _NEIGHBOURS = np.ones((3, 3))
 _SIDES = 12
+_SLIVER = 1e-4  # m^2
+_TWINS = 1e-6  # m; corners at most so far apart are one
 
 
 class FeasibleSettings(Block):
@@ -195,6 +197,19 @@ def hull_of_points(points: Array) -> Array:
     return out[: convex_hull(points, order, out)].copy()
 
 
+def without_twins(polygon: Array) -> Array:
+    """A convex polygon, a micrometre larger, without corners so near to each other that rounding turns their edge.
+
+    Whoever asks on which side of such an edge a point is gets any answer.
+    """
+    kept = [polygon[0]]
+    for corner in polygon[1:]:
+        if np.abs(corner - kept[-1]).max() > _TWINS and np.abs(corner - kept[0]).max() > _TWINS:
+            kept.append(corner)
+    square = _TWINS * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    return hull_of_points((np.array(kept)[:, None] + square).reshape(-1, 2))
+
+
 def _cells_of(
     given: Sequence[Bounds], edges: Array, frame: Frame, low: Array, step: float, shape: npt.NDArray[np.int64]
 ) -> npt.NDArray[np.bool_]:
@@ -226,8 +241,12 @@ def _cut(polygons: tuple[Array, ...], before: Array) -> tuple[Array, ...]:
     along = np.roll(hull, -1, 0) - hull
     sides = np.argsort(-np.hypot(along[:, 0], along[:, 1]))[:_SIDES]
     hull, a, b = hull[sides], along[sides, 1], -along[sides, 0]
-    cut = [ConvexPolygon(one).clip_half_planes(a, b, a * hull[:, 0] + b * hull[:, 1]).corners for one in polygons]
-    return tuple(one if len(part) < 3 else part for one, part in zip(polygons, cut, strict=True))
+    c = a * hull[:, 0] + b * hull[:, 1]
+    cut = [ConvexPolygon(one).clip_half_planes(a, b, c) for one in polygons]
+    # Of a sliver, no pose is inside to rounding: it stays as it is.
+    return tuple(
+        one if part.area < _SLIVER else without_twins(part.corners) for one, part in zip(polygons, cut, strict=True)
+    )
 
 
 def _conflicts(
