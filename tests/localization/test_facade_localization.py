@@ -14,7 +14,7 @@ from factorloc.localization.bounded_least_squares import LeastSquaresSettings, e
 from factorloc.localization.bounded_motion import OdometryBounds, propagate, widen
 from factorloc.localization.correspondence import Correspondence
 from factorloc.localization.correspondences import CorrespondenceSettings, find_correspondences
-from factorloc.localization.feasible_set import FeasibleSettings, intersect_correspondences
+from factorloc.localization.feasible_set import FeasibleSettings, intersect_correspondences, without_twins
 from factorloc.localization.interval_tracking import FacadeSettings, localize_scan, track_facades
 from factorloc.localization.line_cells import accumulator_of
 from factorloc.localization.wall_lines import WallLines
@@ -247,6 +247,19 @@ def test_propagation_loses_no_pose():
     poses = np.column_stack([weights @ bounds.polygons[0], rng.uniform(*bounds.orientation, 20_000)])
     moved = se2.compose(poses, motion + rng.uniform(-1, 1, (20_000, 3)) * errors)
     assert all(after.contains(pose) for pose in moved)
+
+
+def test_a_set_with_twin_corners_tells_inside_from_outside():
+    square = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 3.0], [0.0, 3.0]])
+    # The second corner again, moved by less than rounding away from the origin of a map would tell.
+    origin = np.array([500.0, 900.0])
+    twins = np.insert(square, 2, square[1] - 1e-13, axis=0) + origin
+    polygon = without_twins(twins)
+    assert np.hypot(*(np.roll(polygon, -1, 0) - polygon).T).min() > 1e-7
+    rng = np.random.default_rng(1)
+    for point in rng.uniform([-1.0, -1.0], [5.0, 4.0], (500, 2)):
+        inside = bool(((point >= 0) & (point <= [4.0, 3.0])).all())
+        assert Bounds((0.0, 1.0), (polygon,)).contains([*(point + origin), 0.5]) == inside
 
 
 def test_sets_that_are_only_carried_along_keep_few_corners():
