@@ -125,9 +125,10 @@ def refine_trajectory(
     given = trajectory.to_3d()
     if len(scans) != len(given) or len(scans) == 0:
         raise GeometryError(f"refinement: {len(scans)} scans, but {len(given)} poses; give one pose a scan")
+    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(given.positions, axis=0), axis=1))])
     keys = [X(k) for k in range(len(scans))]
     graph = gtsam.NonlinearFactorGraph()
-    for prior, key in zip(_priors(given, chosen), keys, strict=True):
+    for prior, key in zip(_priors(given, way, chosen), keys, strict=True):
         graph.push_back(prior.factor(key))
     loss = gtsam.noiseModel.mEstimator.Huber.Create(chosen.huber)
 
@@ -139,7 +140,7 @@ def refine_trajectory(
     for k in np.flatnonzero(found.known).tolist():
         tie(k, k + 1, found.motions[k], found.covariances[k])
     revisits = 0
-    for first, second in _revisited(given, chosen).tolist():
+    for first, second in _revisited(given.positions, way, chosen).tolist():
         local = LocalMap(chosen.odometry, thin(scans[first], chosen.odometry))
         # Where they should be after lidar odometry is not known yet; where they are given is near enough.
         guess = se3.between(given.poses[first], given.poses[second])
@@ -156,9 +157,8 @@ def refine_trajectory(
     )  # fmt: skip
 
 
-def _priors(given: Trajectory, settings: TrajectoryRefinementSettings) -> list[PosePrior]:
+def _priors(given: Trajectory, way: Array, settings: TrajectoryRefinementSettings) -> list[PosePrior]:
     """Priors of all poses: so many as lie within the correlation weigh as much as one."""
-    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(given.positions, axis=0), axis=1))])
     half = settings.correlation / 2
     together = np.searchsorted(way, way + half, "right") - np.searchsorted(way, way - half, "left")
     return [
@@ -167,10 +167,8 @@ def _priors(given: Trajectory, settings: TrajectoryRefinementSettings) -> list[P
     ]
 
 
-def _revisited(given: Trajectory, settings: TrajectoryRefinementSettings) -> Pairs:
+def _revisited(positions: Array, way: Array, settings: TrajectoryRefinementSettings) -> Pairs:
     """Pairs of scans (P, 2) at one place, the earlier first; of each scan the nearest."""
-    positions = given.positions
-    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(positions, axis=0), axis=1))])
     pairs = []
     tree = cKDTree(positions)
     for k, position in enumerate(positions):
