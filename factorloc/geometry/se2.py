@@ -25,6 +25,7 @@ __all__ = [
     "rotate",
     "rotation",
     "transform",
+    "way",
 ]
 
 Array = npt.NDArray[np.float64]
@@ -162,3 +163,9 @@ def from_matrix(matrices: npt.ArrayLike) -> Array:
     """Poses (..., 3) of homogeneous matrices (..., 3, 3)."""
     m = np.asarray(matrices, np.float64)
     return np.stack([m[..., 0, 2], m[..., 1, 2], wrap(np.arctan2(m[..., 1, 0], m[..., 0, 0]))], -1)
+
+
+def way(motions: npt.ArrayLike) -> Array:
+    """Way driven up to each of N poses, shape (N,), m, by the motions (N - 1, 3) between them."""
+    steps = np.asarray(motions, np.float64)
+    return np.concatenate([[0.0], np.cumsum(np.hypot(steps[:, 0], steps[:, 1]))])

@@ -69,7 +69,7 @@ class DriveNoise:
             None of a drive too short to tell.
         """
         path, steps = np.asarray(poses, np.float64), np.asarray(motions, np.float64)
-        way = np.concatenate([[0.0], np.cumsum(np.hypot(steps[:, 0], steps[:, 1]))])
+        way = se2.way(steps)
         lengths, variances, levers, counts = [], [], [], []
         for length in _LENGTHS:
             starts = np.arange(0.0, way[-1] - length, length / 2)

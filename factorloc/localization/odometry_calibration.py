@@ -46,7 +46,7 @@ class OdometryCalibration:
             Which motions were measured.
         """
         path, steps = np.asarray(poses, np.float64), np.asarray(motions, np.float64)
-        way = np.concatenate([[0.0], np.cumsum(np.hypot(steps[:, 0], steps[:, 1]))])
+        way = se2.way(steps)
         scales, drifts = [], []
         for start in np.arange(0.0, way[-1] - _STRETCH, _STRETCH / 2):
             a, b = np.searchsorted(way, [start, start + _STRETCH])

@@ -183,7 +183,7 @@ def find_conflicts(
     broken : int
         Bridges that do not meet their far end: odometry is wrong there, or an end.
     """
-    way = np.concatenate([[0.0], np.cumsum(np.hypot(motions[:, 0], motions[:, 1]))])
+    way = se2.way(motions)
     held = settings.held_covariance
     limits = chi2.ppf(1 - settings.chance, 3), chi2.ppf(1 - settings.closure, 3)
     broken = 0

@@ -16,7 +16,7 @@ from factorloc.factors.native import pose_array
 from factorloc.factors.odometry import OdometryNoise
 from factorloc.factors.pole_detections import PoleDetections, PoleLandmarks, PoleMixture
 from factorloc.factors.prior import PosePrior
-from factorloc.geometry import position_heading
+from factorloc.geometry import position_heading, se2
 from factorloc.localization.drive_noise import UNTOLD, DriveNoise
 from factorloc.localization.initialization import AroundPose, Initialization, NormalStart
 from factorloc.localization.landmark_trust import LandmarkTrust
@@ -232,6 +232,6 @@ def _distinct(landmarks: PoleLandmarks, distance: float) -> Index:
 
 def _longest_gap(motions: Array, detections: PoleDetections, matches: Index) -> float:
     """Longest way without a matched pole, m."""
-    way = np.concatenate([[0.0], np.cumsum(np.hypot(motions[:, 0], motions[:, 1]))])
+    way = se2.way(motions)
     seen = way[np.unique(detections.pose_of[matches >= 0])]
     return float(np.diff(np.concatenate([[0.0], seen, [way[-1]]])).max())

@@ -156,8 +156,7 @@ class _Drive:
     searches: int = 0
 
     def __post_init__(self) -> None:
-        steps = np.hypot(self.motions[:, 0], self.motions[:, 1])
-        self.way = np.concatenate([[0.0], np.cumsum(steps)])
+        self.way = se2.way(self.motions)
 
     def block(self, first: int) -> int:
         """Pose behind the last one of the block that begins here."""

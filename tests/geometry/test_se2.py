@@ -156,3 +156,8 @@ def test_batches_broadcast_and_equal_single_calls() -> None:
 def test_bad_poses_are_named(poses: object, defect: str) -> None:
     with pytest.raises(GeometryError, match=f"^start: .*{defect}"):
         se2.as_poses(poses, "start")
+
+
+def test_the_way_is_the_sum_of_the_motions_lengths() -> None:
+    assert se2.way([[3.0, 4.0, 1.0], [0.0, 0.0, 2.0], [0.0, -2.0, 0.0]]).tolist() == [0.0, 5.0, 5.0, 7.0]
+    assert se2.way(np.zeros((0, 3))).tolist() == [0.0]
