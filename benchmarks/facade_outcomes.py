@@ -16,7 +16,8 @@ from factorloc.evaluation.bounds import bound_coverage
 from factorloc.files import write_text
 from factorloc.geometry import wrap
 from factorloc.localization.bounded_least_squares import estimate_in_bounds
-from factorloc.localization.interval_tracking import FacadeSettings, FacadeStep
+from factorloc.localization.facade_scan import FacadeStep
+from factorloc.localization.facade_settings import FacadeSettings
 from factorloc.localization.wall_lines import WallLines
 from factorloc.mapping.facade_points import FacadePoints
 from factorloc.result import Bounds

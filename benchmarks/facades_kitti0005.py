@@ -29,7 +29,8 @@ from factorloc.evaluation.bounds import bound_coverage
 from factorloc.geometry import se2, wrap
 from factorloc.localization.bounded_least_squares import estimate_in_bounds
 from factorloc.localization.correspondences import find_correspondences
-from factorloc.localization.interval_tracking import FacadeSettings, FacadeTrack, track_facades
+from factorloc.localization.facade_settings import FacadeSettings
+from factorloc.localization.interval_tracking import FacadeTrack, track_facades
 from factorloc.localization.line_cells import accumulator_of
 from factorloc.localization.wall_lines import WallLines
 from factorloc.mapping import FacadeMap, MapUncertainty

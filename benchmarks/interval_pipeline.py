@@ -14,8 +14,8 @@ from benchmarks.facades_districts import DistrictSettings, districts
 from factorloc.config import read_config
 from factorloc.errors import MapError
 from factorloc.localization.correspondences import find_correspondences
+from factorloc.localization.facade_scan import localize_scan
 from factorloc.localization.feasible_set import intersect_correspondences
-from factorloc.localization.interval_tracking import localize_scan
 from factorloc.localization.wall_lines import WallLines
 from factorloc.mapping.facade_points import ReductionSettings, ScanErrors, facade_points
 from factorloc.result import Bounds

@@ -68,7 +68,8 @@ def _track(
     from factorloc.config import read_config
     from factorloc.errors import DataError
     from factorloc.geometry import se3
-    from factorloc.localization.interval_tracking import FacadeDriveSettings, track_facades
+    from factorloc.localization.facade_settings import FacadeDriveSettings
+    from factorloc.localization.interval_tracking import track_facades
     from factorloc.localization.wall_lines import WallLines
     from factorloc.mapping.facade_points import facade_points
     from factorloc.result import Bounds

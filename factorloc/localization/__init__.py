@@ -1,19 +1,23 @@
 """Where the rooms meet: registration, tracking, smoothing, and the localizer that runs them in order.
 
-And Monte Carlo localization by particles: propagate, reweight, resample, estimate. Both among poles as well.
-And Monte Carlo localization by particles: propagate, reweight, resample, estimate. And localization among facades:
-feasible sets by intervals, and the most likely pose in them by bounded least squares.
+And Monte Carlo localization by particles: propagate, reweight, resample, estimate. Both among poles as well. And
+localization among facades: feasible sets by intervals, and the most likely pose in them by bounded least squares.
 """
 
-from factorloc.localization.bounded_least_squares import BoundedEstimate, LeastSquaresSettings, estimate_in_bounds
+from factorloc.localization.bounded_least_squares import BoundedEstimate, estimate_in_bounds
 from factorloc.localization.bounded_motion import OdometryBounds, propagate
 from factorloc.localization.correspondences import CorrespondenceSettings, find_correspondences
 from factorloc.localization.derivative_free import RefinementSettings, refine
-from factorloc.localization.feasible_set import FeasibleSet, FeasibleSettings, intersect_correspondences
+from factorloc.localization.facade_scan import localize_scan
+from factorloc.localization.facade_settings import FacadeSettings
+from factorloc.localization.facade_tracker import FacadeTracker
+from factorloc.localization.feasible_set import FeasibleSet, intersect_correspondences
+from factorloc.localization.feasible_settings import FeasibleSettings
 from factorloc.localization.initialization import AroundPose, FreeSpace, Initialization, NormalStart
-from factorloc.localization.interval_tracking import FacadeSettings, FacadeTrack, localize_scan, track_facades
+from factorloc.localization.interval_tracking import FacadeTrack, track_facades
 from factorloc.localization.kld import KldSettings
 from factorloc.localization.landmark_smoother import LandmarkSolution, smooth_landmarks
+from factorloc.localization.least_squares_settings import LeastSquaresSettings
 from factorloc.localization.lidar_odometry import (
     LidarOdometry,
     LidarOdometrySettings,
@@ -50,6 +54,7 @@ __all__ = [
     "CorrespondenceSettings",
     "FacadeSettings",
     "FacadeTrack",
+    "FacadeTracker",
     "FeasibleSet",
     "FeasibleSettings",
     "FreeSpace",

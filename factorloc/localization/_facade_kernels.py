@@ -50,8 +50,8 @@ def cells_met(a, b, lo, hi, low, high, x_first, step, cells):
 
 
 @exact_kernel(allocates=False)
-def weigh_satisfied(strips, across, boxes, pairs, weights, x_first, y_first, step, first, last, changes, sums):
-    """Add up for every cell of poses the weights of the correspondences that its poses may satisfy.
+def weigh_satisfied(strips, across, boxes, pairs, groups, weights, x_first, y_first, step, first, last, changes, sums):
+    """Add up for every cell of poses the weights of the facades of which its poses may satisfy a correspondence.
 
     Parameters
     ----------
@@ -60,10 +60,12 @@ def weigh_satisfied(strips, across, boxes, pairs, weights, x_first, y_first, ste
         along the wall. Limits that cross: not satisfied.
     boxes : (J, P, 2, 4) float
         Two more strips of every pair of correspondences of one building.
-    pairs : (P, 2) int64
-        Those correspondences; each is in one pair at most.
-    weights : (K,) int32
-        Of the correspondences.
+    pairs : (P, 4) int64
+        Those correspondences, and their facades; each is in one pair at most, and the only one of its facade.
+    groups : (G + 1,) int64
+        Where the correspondences of each facade begin, and K: any of them will do.
+    weights : (G,) int32
+        Of the facades.
     x_first, y_first, step : float
         Corner and edge of the cells, m.
     first, last : (K,) int64
@@ -84,16 +86,25 @@ def weigh_satisfied(strips, across, boxes, pairs, weights, x_first, y_first, ste
                 begin, end = cells_met(a, b, lo, hi, low, high, x_first, step, cells)
                 a, b, lo, hi = across[j, k, 0], across[j, k, 1], across[j, k, 2], across[j, k, 3]
                 other, stop = cells_met(a, b, lo, hi, low, high, x_first, step, cells)
-                begin, end = max(begin, other), min(end, stop)
-                first[k], last[k] = begin, end
-                if begin < end:
-                    changes[begin] += weights[k]
-                    changes[end] -= weights[k]
+                first[k], last[k] = max(begin, other), min(end, stop)
+            for g in range(groups.size - 1):
+                # The union of a few ranges: again and again the first one that reaches beyond what is covered.
+                covered = 0
+                while True:
+                    begin, end = cells, cells
+                    for k in range(groups[g], groups[g + 1]):
+                        if first[k] < last[k] and last[k] > covered and max(first[k], covered) < begin:
+                            begin, end = max(first[k], covered), last[k]
+                    if begin >= cells:
+                        break
+                    changes[begin] += weights[g]
+                    changes[end] -= weights[g]
+                    covered = end
             for p in range(pairs.shape[0]):
                 begin, end = max(first[pairs[p, 0]], first[pairs[p, 1]]), min(last[pairs[p, 0]], last[pairs[p, 1]])
                 if begin >= end:
                     continue
-                lighter = min(weights[pairs[p, 0]], weights[pairs[p, 1]])
+                lighter = min(weights[pairs[p, 2]], weights[pairs[p, 3]])
                 changes[begin] -= lighter
                 changes[end] += lighter
                 for side in range(2):

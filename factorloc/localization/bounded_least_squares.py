@@ -15,58 +15,22 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import Field
 
-from factorloc.config import Block
 from factorloc.factors.prior import PosePrior
 from factorloc.geometry import se2, wrap
-from factorloc.localization.correspondence import Correspondence, Correspondences
+from factorloc.localization.correspondence import Correspondences
+from factorloc.localization.least_squares_settings import LeastSquaresSettings
+from factorloc.localization.line_gate import line_points, lines_expected
+from factorloc.localization.wall_belief import WallBelief
 from factorloc.localization.wall_lines import WallLines
 from factorloc.localization.wall_problem import WallProblem
 from factorloc.mapping.facade_points import FacadePoints
 from factorloc.result import Bounds, Iteration, StopReason
 
-__all__ = ["BoundedEstimate", "LeastSquaresSettings", "estimate_in_bounds", "line_points", "point_pairs", "solve_pairs"]
+__all__ = ["BoundedEstimate", "estimate_in_bounds", "point_pairs", "solve_pairs"]
 
 Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int64]
-
-
-class LeastSquaresSettings(Block):
-    """What is likely within the bounds, and how it is sought.
-
-    Parameters
-    ----------
-    point_sigma : float
-        Standard deviation of a point's distance from its wall, m.
-    cauchy : float
-        Threshold of the robust loss, in standard deviations: balconies, parked cars and points of other walls are
-        associated too.
-    information : float
-        Weight of a point; neighbours share a wall's ornaments.
-    most_doubt : float
-        More doubtful correspondences are left out, unless all are and nothing else is known.
-    shift_sigma, vertex_sigma : float
-        Standard deviations of shifts and of vertex errors, as parts of their greatest values.
-    max_iterations : int
-        Accepted steps.
-    tolerance : float
-        Ends when a step lowers the cost by less.
-    initial_damping, damping_factor, max_damping : float
-        Of Levenberg and Marquardt's method, relative to the diagonal.
-    """
-
-    point_sigma: float = Field(0.1, gt=0)
-    cauchy: float = Field(2.0, gt=0)
-    information: float = Field(0.2, gt=0, le=1)
-    most_doubt: float = Field(0.2, gt=0, le=1)
-    shift_sigma: float = Field(0.25, gt=0)
-    vertex_sigma: float = Field(0.5, gt=0)
-    max_iterations: int = Field(40, gt=0)
-    tolerance: float = Field(1e-3, gt=0)
-    initial_damping: float = Field(1e-4, gt=0)
-    damping_factor: float = Field(10.0, gt=1)
-    max_damping: float = Field(1e8, gt=0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +55,8 @@ class BoundedEstimate:
         Updates that would have left it.
     residuals : ndarray, shape (M,)
         Distances of the points from their walls at the estimate, signed, m.
+    belief : WallBelief
+        What is known now of the pose and of the map.
     """
 
     pose: Array
@@ -101,6 +67,7 @@ class BoundedEstimate:
     bounds: Bounds | None
     held: int
     residuals: Array
+    belief: WallBelief
 
 
 def estimate_in_bounds(
@@ -111,7 +78,7 @@ def estimate_in_bounds(
     bounds: Bounds | None,
     *,
     conflicts: Sequence[int] = (),
-    prior: PosePrior | None = None,
+    prior: PosePrior | WallBelief | None = None,
     settings: LeastSquaresSettings | None = None,
 ) -> BoundedEstimate:
     """Find the most likely pose: first by the lines of the correspondences, then by all points of their facades.
@@ -130,33 +97,37 @@ def estimate_in_bounds(
         The feasible set; None for no bounds.
     conflicts : sequence of int
         Facades that are left out.
-    prior : PosePrior, optional
-        What else is known.
+    prior : PosePrior or WallBelief, optional
+        What else is known; lines that are not where it has them are left out.
     settings : LeastSquaresSettings, optional
         See there.
     """
     settings = settings or LeastSquaresSettings()
     kept = [one for one in correspondences.found if one.facade not in conflicts]
+    known = WallBelief.from_prior(prior) if isinstance(prior, PosePrior) else prior
     trusted = [one for one in kept if one.doubt <= settings.most_doubt]
     kept = trusted if trusted or prior is not None else kept
     pose = np.array(start, np.float64) if bounds is None else bounds.nearest(start)
+    if known is not None and kept:
+        near = lines_expected(kept, walls, known, settings)
+        kept = [one for one, expected in zip(kept, near, strict=True) if expected]
     if kept:
         lines, rows = line_points(kept)
-        pose = solve_pairs(lines, rows, walls, pose, bounds, prior, settings, robust=3.0).pose
+        for robust in _widths(known, settings):
+            pose = solve_pairs(lines, rows, walls, pose, bounds, known, settings, robust=robust).pose
     pairs, rows = point_pairs(points, correspondences, {one.facade for one in kept})
-    return solve_pairs(pairs, rows, walls, pose, bounds, prior, settings, robust=settings.cauchy)
+    return solve_pairs(pairs, rows, walls, pose, bounds, known, settings, robust=settings.cauchy)
 
 
-def line_points(found: Sequence[Correspondence]) -> tuple[Array, Rows]:
-    """Five points of the middle line of each correspondence, in the frame of the body, and their facades."""
-    points, rows = [], []
-    for one in found:
-        alpha, d = float(one.alpha.mid), float(one.d.mid)
-        normal = np.array([math.cos(alpha), math.sin(alpha)])
-        along = np.linspace(*one.extent, 5)[:, None] * np.array([-normal[1], normal[0]])
-        points.append(one.anchor + d * normal + along)
-        rows.append(np.full(5, one.facade))
-    return np.concatenate(points), np.concatenate(rows)
+def _widths(known: WallBelief | None, settings: LeastSquaresSettings) -> tuple[float, ...]:
+    """Thresholds for the lines: no wider ones than a belief has the pose uncertain."""
+    least = min(settings.line_cauchy)
+    if known is None:
+        return settings.line_cauchy
+    spread = math.sqrt(float(np.linalg.eigvalsh(known.covariance[:2, :2])[1]))
+    return tuple(
+        one for one in settings.line_cauchy if one <= max(settings.gate * spread / settings.point_sigma, least)
+    )
 
 
 def point_pairs(points: FacadePoints, correspondences: Correspondences, facades: set[int]) -> tuple[Array, Rows]:
@@ -172,7 +143,7 @@ def solve_pairs(
     walls: WallLines,
     start: Array,
     bounds: Bounds | None,
-    prior: PosePrior | None,
+    prior: WallBelief | None,
     settings: LeastSquaresSettings,
     *,
     robust: float,
@@ -191,10 +162,10 @@ def solve_pairs(
         Threshold of the Cauchy loss, in standard deviations.
     """
     problem = WallProblem(
-        points, rows, walls, prior, point_sigma=settings.point_sigma, robust=robust, weight=settings.information,
-        map_sigmas=(settings.shift_sigma, settings.vertex_sigma),
+        points, rows, walls, start, prior, point_sigma=settings.point_sigma, robust=robust, weight=settings.information,
+        map_sigmas=(settings.shift_sigma, settings.vertex_sigma), surface=settings.surface_sigma,
     )  # fmt: skip
-    pose, nuisance = np.array(start, np.float64), np.zeros(problem.unknowns)
+    pose, nuisance = np.array(start, np.float64), problem.start()
     cost = problem.cost(pose, nuisance)
     damping, held, history = settings.initial_damping, 0, list[Iteration]()
     stop = StopReason.MAX_ITERATIONS
@@ -226,7 +197,10 @@ def solve_pairs(
             break
     pose[2] = wrap(pose[2]) if bounds is None else pose[2]
     residuals = problem.residuals(pose, np.zeros(problem.unknowns))[0]
-    return BoundedEstimate(pose, _covariance(H, pose[2]), cost, tuple(history), stop, bounds, held, residuals)
+    return BoundedEstimate(
+        pose, _covariance(H, pose[2]), cost, tuple(history), stop, bounds, held, residuals,
+        problem.belief(pose, nuisance, H),
+    )  # fmt: skip
 
 
 def _covariance(H: Array, heading: float) -> Array:

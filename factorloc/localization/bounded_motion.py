@@ -10,7 +10,7 @@ from pydantic import Field
 
 from factorloc.config import Block
 from factorloc.intervals import Box, ConvexPolygon, Interval, rotate
-from factorloc.localization.feasible_set import hull_of_points, without_twins
+from factorloc.localization.feasible_layers import hull_of_points, without_twins
 from factorloc.result import Bounds
 
 __all__ = ["OdometryBounds", "propagate", "widen"]
@@ -51,7 +51,9 @@ class OdometryBounds(Block):
         ])  # fmt: skip
 
 
-def propagate(bounds: Bounds, motion: npt.ArrayLike, errors: npt.ArrayLike) -> Bounds:
+def propagate(
+    bounds: Bounds, motion: npt.ArrayLike, errors: npt.ArrayLike, *, spare: tuple[float, float] = (0.0, 0.0)
+) -> Bounds:
     """Carry a feasible set along by a motion with bounded errors.
 
     Parameters
@@ -62,6 +64,8 @@ def propagate(bounds: Bounds, motion: npt.ArrayLike, errors: npt.ArrayLike) -> B
         ``T_before_after`` as measured.
     errors : array_like, shape (3,)
         Greatest errors of ``[x, y, theta]``.
+    spare : (float, float)
+        The result is widened by a square of that half side (m) and by a heading (rad), as by :func:`widen`.
 
     Returns
     -------
@@ -71,8 +75,8 @@ def propagate(bounds: Bounds, motion: npt.ArrayLike, errors: npt.ArrayLike) -> B
     (x, y, turn), (dx, dy, dturn) = np.asarray(motion, np.float64), np.asarray(errors, np.float64)
     theta = Interval(*bounds.orientation)
     way_x, way_y = rotate(theta, Interval.around(x, dx), Interval.around(y, dy))
-    low, high = np.array([way_x.lo, way_y.lo]), np.array([way_x.hi, way_y.hi])
-    after = theta + Interval.around(turn, dturn)
+    low, high = np.array([way_x.lo, way_y.lo]) - spare[0], np.array([way_x.hi, way_y.hi]) + spare[0]
+    after = theta + Interval.around(turn, dturn + spare[1])
     return Bounds((float(after.lo), float(after.hi)), tuple(_swept(polygon, low, high) for polygon in bounds.polygons))
 
 

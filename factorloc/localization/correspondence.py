@@ -73,3 +73,8 @@ class Correspondences:
     asked: npt.NDArray[np.int64]
     associated: npt.NDArray[np.bool_]
     rejected: dict[str, int]
+
+    @classmethod
+    def none(cls, points: int) -> Correspondences:
+        """Of a scan of so many points for which no facade was asked."""
+        return cls((), np.empty(0, np.int64), np.empty((0, points), np.bool_), {})

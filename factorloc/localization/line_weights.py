@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["likely_level", "surprising_weight", "weights_of"]
+__all__ = ["PARTS", "Weights", "likely_depth", "surprising_weight", "weights_of"]
 
 Array = npt.NDArray[np.float64]
 Weights = npt.NDArray[np.int32]
 
-_PARTS = 8.0  # units of weight to a factor of e
+PARTS = 8.0  # units of weight to a factor of e
 
 
 def weights_of(doubts: Array) -> Weights:
@@ -21,7 +23,7 @@ def weights_of(doubts: Array) -> Weights:
     doubts : ndarray, shape (K,)
         Probabilities to be false, in (0, 0.5).
     """
-    return np.maximum(np.rint(_PARTS * np.log((1.0 - doubts) / doubts)), 1.0).astype(np.int32)
+    return np.maximum(np.rint(PARTS * np.log((1.0 - doubts) / doubts)), 1.0).astype(np.int32)
 
 
 def surprising_weight(weights: Weights, doubts: Array, surprise: float) -> int:
@@ -44,18 +46,18 @@ def surprising_weight(weights: Weights, doubts: Array, surprise: float) -> int:
     return int(np.argmax(beyond <= surprise + 1e-12))
 
 
-def likely_level(sums: npt.NDArray[np.int32], best: int, confidence: float) -> int:
-    """Least sum of weights to keep, so that cells below hold at most the rest of the odds.
+def likely_depth(odds: Sequence[Array], confidence: float) -> int:
+    """How far below the largest sum of weights to keep poses, so that the others hold at most the rest of the odds.
 
     Parameters
     ----------
-    sums : ndarray of int
-        Weights of the lines satisfied in cells of one size; negative where no pose is possible.
-    best : int
-        The largest.
+    odds : sequence of ndarray
+        Volumes of poses by how far their sums of weights are below the largest, for each part of them.
     confidence : float
         In (0, 1).
     """
-    cells = np.bincount(sums[sums >= 0], minlength=best + 1)[::-1]
-    odds = np.cumsum(cells * np.exp(-np.arange(best + 1) / _PARTS))
-    return best - int(np.searchsorted(odds, confidence * odds[-1]))
+    volumes = np.zeros(max(len(one) for one in odds))
+    for one in odds:
+        volumes[: len(one)] += one
+    odds_to = np.cumsum(volumes * np.exp(-np.arange(len(volumes)) / PARTS))
+    return int(np.searchsorted(odds_to, confidence * odds_to[-1]))

@@ -7,13 +7,15 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from factorloc.factors.prior import PosePrior
-from factorloc.geometry import se2, wrap
+from factorloc.geometry import wrap
+from factorloc.localization.wall_belief import WallBelief
 from factorloc.localization.wall_lines import WallLines
 
 __all__ = ["WallProblem"]
 
 Array = npt.NDArray[np.float64]
+
+_LEAST = 1e-6  # information of what nothing determines, 1/m^2
 
 
 class WallProblem:
@@ -27,8 +29,11 @@ class WallProblem:
         Facade of each.
     walls : WallLines
         The map.
-    prior : PosePrior, optional
-        What else is known.
+    start : ndarray, shape (3,)
+        Where the search begins. How far along its facade a point is, is taken from there and kept: if it followed the
+        pose, wrong turns of walls would seem to tell where along them the body is, a little more with every scan.
+    prior : WallBelief, optional
+        What else is known, of the pose and of buildings; their shifts are unknowns even if no point is on them.
     point_sigma : float
         Standard deviation of a point's distance from its wall, m.
     robust : float
@@ -37,6 +42,8 @@ class WallProblem:
         Of a point.
     map_sigmas : (float, float)
         Standard deviations of shifts and of vertex errors, as parts of their greatest values.
+    surface : float
+        What walls seen by a lidar are off at their ends besides, m: they are not flat.
     """
 
     def __init__(
@@ -44,23 +51,31 @@ class WallProblem:
         points: Array,
         rows: npt.NDArray[np.int64],
         walls: WallLines,
-        prior: PosePrior | None,
+        start: Array,
+        prior: WallBelief | None,
         *,
         point_sigma: float,
         robust: float,
         weight: float,
         map_sigmas: tuple[float, float],
+        surface: float,
     ) -> None:
         self.points = points
-        facades, self.of = np.unique(rows, return_inverse=True)
-        buildings, owner = np.unique(walls.facades.buildings[facades], return_inverse=True)
-        self.normals, self.along, self.centres = walls.normals[facades], walls.along[facades], walls.centres[facades]
-        self.count, self.buildings = len(facades), len(buildings)
+        none = np.empty(0, np.int64)
+        known = (none, none) if prior is None else (prior.buildings, prior.facades)
+        self.facades, of = np.unique(np.concatenate([rows, known[1]]), return_inverse=True)
+        self.of = of[: len(rows)]
+        facades = self.facades
+        self.names, owner = np.unique(np.concatenate([walls.facades.buildings[facades], known[0]]), return_inverse=True)
+        owner = owner[: len(facades)]
+        self.normals, self.centres = walls.normals[facades], walls.centres[facades]
+        self.ways = _ways(points, self.of, walls.along[facades], self.centres, start)
+        self.count, self.buildings = len(facades), len(self.names)
         self.unknowns = 2 * self.buildings + 2 * self.count
         self.sigma, self.robust, self.weight = point_sigma, robust, weight
         shifts = np.zeros(self.buildings)
         shifts[owner] = walls.facades.shifts[facades]
-        vertex = map_sigmas[1] * walls.facades.vertex_errors[facades]
+        vertex = np.hypot(map_sigmas[1] * walls.facades.vertex_errors[facades], surface)
         sigmas = np.concatenate([
             np.repeat(map_sigmas[0] * shifts, 2),
             vertex / math.sqrt(2.0),
@@ -77,31 +92,34 @@ class WallProblem:
         self.spread[k, 0, 3 + 2 * self.buildings + k] = -1.0
         self.spread[k, 2, 3 + 2 * self.buildings + self.count + k] = -1.0
         self.owner = owner
-        self.mean, self.information = np.zeros(3), np.zeros((3, 3))
+        self.mean, self.information = np.zeros(3 + self.unknowns), np.zeros((3 + self.unknowns,) * 2)
         if prior is not None:
-            turn = np.eye(3)
-            turn[:2, :2] = se2.rotation(prior.pose[2])
-            self.mean, self.information = prior.pose, turn @ prior.information @ turn.T
+            first = 2 * np.searchsorted(self.names, known[0])
+            offset = 2 * self.buildings + np.searchsorted(self.facades, known[1])
+            at = np.concatenate([np.stack([first, first + 1], -1).ravel(), offset, offset + self.count])
+            self.confidence[at] = 0.0
+            at = np.concatenate([np.arange(3), 3 + at]).astype(np.int64)
+            self.mean[at] = np.concatenate([prior.pose, prior.errors])
+            self.information[np.ix_(at, at)] = np.linalg.inv(prior.covariance)
 
-    def residuals(self, pose: Array, nuisance: Array) -> tuple[Array, Array, Array]:
-        """Distances, their derivatives by the heading, and ways along the facades."""
+    def residuals(self, pose: Array, nuisance: Array) -> tuple[Array, Array]:
+        """Distances, and their derivatives by the heading."""
         c, s = math.cos(pose[2]), math.sin(pose[2])
         x, y = c * self.points[:, 0] - s * self.points[:, 1], s * self.points[:, 0] + c * self.points[:, 1]
-        n, u, of = self.normals, self.along, self.of
+        n, of = self.normals, self.of
         shift = pose[:2] - self.centres
         shifts = nuisance[: 2 * self.buildings].reshape(-1, 2)[self.owner]
         offset = (n * (shift - shifts)).sum(1) - nuisance[2 * self.buildings : 2 * self.buildings + self.count]
         turns = nuisance[2 * self.buildings + self.count :]
         nx, ny = n[of, 0], n[of, 1]
-        along = u[of, 0] * x + u[of, 1] * y + (u * shift).sum(1)[of]
-        r = nx * x + ny * y + offset[of] - turns[of] * along
-        return r, ny * x - nx * y, along
+        r = nx * x + ny * y + offset[of] - turns[of] * self.ways
+        return r, ny * x - nx * y
 
     def cost(self, pose: Array, nuisance: Array) -> float:
         """Robust half sum of squares, priors included."""
         r = self.residuals(pose, nuisance)[0] / self.sigma
         c2 = self.robust**2
-        away = self._from_prior(pose)
+        away = self._from_prior(pose, nuisance)
         return float(
             0.5 * self.weight * c2 * np.log1p(r * r / c2).sum()
             + 0.5 * (self.confidence * nuisance**2).sum()
@@ -110,10 +128,10 @@ class WallProblem:
 
     def linearize(self, pose: Array, nuisance: Array) -> tuple[Array, Array]:
         """Normal matrix and gradient of the cost."""
-        r, turn, along = self.residuals(pose, nuisance)
+        r, turn = self.residuals(pose, nuisance)
         z = r / self.sigma
         w = self.weight / (self.sigma**2 * (1.0 + z * z / self.robust**2))
-        basis = (np.ones_like(r), turn, along)
+        basis = (np.ones_like(r), turn, self.ways)
         M, v = np.empty((self.count, 3, 3)), np.empty((self.count, 3))
         for i in range(3):
             weighted = w * basis[i]
@@ -125,11 +143,28 @@ class WallProblem:
         g = flat.T @ v.ravel()
         H[np.arange(3, len(H)), np.arange(3, len(H))] += self.confidence
         g[3:] += self.confidence * nuisance
-        H[:3, :3] += self.information
-        g[:3] += self.information @ self._from_prior(pose)
+        H += self.information
+        g += self.information @ self._from_prior(pose, nuisance)
         return H, g
 
-    def _from_prior(self, pose: Array) -> Array:
-        away = pose - self.mean
+    def start(self) -> Array:
+        """What is known of the errors of the map before."""
+        return self.mean[3:].copy()
+
+    def belief(self, pose: Array, nuisance: Array, H: Array) -> WallBelief:
+        """What is known of pose and map afterwards, by the normal matrix there."""
+        # A pose that nothing determines has a variance that is large, not infinite.
+        covariance = np.linalg.inv(0.5 * (H + H.T) + _LEAST * np.eye(len(H)))
+        return WallBelief(pose, self.names, self.facades, nuisance, 0.5 * (covariance + covariance.T))
+
+    def _from_prior(self, pose: Array, nuisance: Array) -> Array:
+        away = np.concatenate([pose, nuisance]) - self.mean
         away[2] = wrap(away[2])
         return np.asarray(away)
+
+
+def _ways(points: Array, of: npt.NDArray[np.int64], along: Array, centres: Array, pose: Array) -> Array:
+    """How far points are along their facades, from the middle, seen from a pose; shape (M,)."""
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    x, y = c * points[:, 0] - s * points[:, 1], s * points[:, 0] + c * points[:, 1]
+    return np.asarray(along[of, 0] * x + along[of, 1] * y + (along * (pose[:2] - centres)).sum(1)[of])

@@ -10,12 +10,17 @@ from factorloc.errors import GeometryError
 from factorloc.evaluation.bounds import bound_coverage, bound_radii
 from factorloc.factors import PosePrior
 from factorloc.geometry import se2
-from factorloc.localization.bounded_least_squares import LeastSquaresSettings, estimate_in_bounds
+from factorloc.localization.bounded_least_squares import estimate_in_bounds
 from factorloc.localization.bounded_motion import OdometryBounds, propagate, widen
 from factorloc.localization.correspondence import Correspondence
 from factorloc.localization.correspondences import CorrespondenceSettings, find_correspondences
-from factorloc.localization.feasible_set import FeasibleSettings, intersect_correspondences, without_twins
-from factorloc.localization.interval_tracking import FacadeSettings, localize_scan, track_facades
+from factorloc.localization.facade_scan import localize_scan
+from factorloc.localization.facade_settings import FacadeSettings
+from factorloc.localization.feasible_layers import without_twins
+from factorloc.localization.feasible_set import intersect_correspondences
+from factorloc.localization.feasible_settings import FeasibleSettings
+from factorloc.localization.interval_tracking import track_facades
+from factorloc.localization.least_squares_settings import LeastSquaresSettings
 from factorloc.localization.line_cells import accumulator_of
 from factorloc.localization.wall_lines import WallLines
 from factorloc.mapping.facades import Facades
@@ -148,11 +153,12 @@ def test_walls_of_one_building_share_its_shift(street):
 def test_contradicting_facades_are_named_and_no_pose_is_invented(street):
     walls, true = street
     pose = np.array([0.0, 0.0, 0.1])
-    rows = facing(walls, pose)[:4]
+    rows = facing(walls, pose)[:6]
     found = [line_of(walls, true, row, pose) for row in rows]
     good = Bounds.around(pose, 5.0, np.radians(5.0))
-    wrong = [replace(one, d=one.d + shift) for one, shift in zip(found, (6.0, -6.0, 6.0, -6.0), strict=True)]
-    feasible = intersect_correspondences((*found[:1], *wrong), walls, good)
+    shifts = (0.0, 0.0, 6.0, -6.0, 6.0, -6.0)
+    wrong = [replace(one, d=one.d + shift) for one, shift in zip(found, shifts, strict=True)]
+    feasible = intersect_correspondences(tuple(wrong), walls, good)
     assert feasible.violated
     assert feasible.bounds.polygons == ()
     assert set(feasible.conflicts) <= {int(row) for row in rows}
@@ -173,7 +179,7 @@ def test_doubtful_lines_give_way_and_feasible_sets_stay_within_the_start(street)
     assert feasible.bounds.contains(pose)
     assert feasible.conflicts == (int(rows[0]),)
     assert feasible.failed == 1
-    for part in (feasible.bounds, *feasible.slices):
+    for part in (feasible.bounds, *(one for layer in feasible.layers for one in layer.slices)):
         for polygon in part.polygons:
             assert all(start.contains([*corner, pose[2]], 1e-5) for corner in polygon)
     sure = intersect_correspondences(tuple(found), walls, start)
@@ -296,18 +302,23 @@ def test_tracking_keeps_the_truth_and_says_where_it_could_not(street):
     assert track.result.rejected["scans whose assumptions are violated"] == track.violated.sum()
 
 
-def test_a_drive_whose_heading_is_lost_is_carried_along(street):
-    walls, _ = street
+def test_a_start_that_is_too_wide_is_carried_along_and_a_wide_one_is_asked_in_pieces(street):
+    walls, true = street
     rng = np.random.default_rng(3)
-    away = points_on(street[1], facing(walls, np.zeros(3)), np.zeros(3), rng)[0]
-    start = Bounds.around(np.zeros(3), 1.0, np.radians(40.0))
-    motions = np.array([[1.0, 0.0, 0.0]])
-    begin = Bounds.around(np.zeros(3), 1.0, np.radians(29.0))
-    track = track_facades([away, away], [0.0, 1.0], motions, walls, start)
+    pose = np.array([0.5, -0.5, 0.1])
+    points = points_on(true, facing(walls, pose), pose, rng)[0]
+    after = se2.compose(pose, [1.0, 0.0, 0.0])
+    lost = Bounds.around(np.zeros(3), 40.0, np.radians(40.0))
+    track = track_facades([points, points], [0.0, 1.0], [[1.0, 0.0, 0.0]], walls, lost)
     assert not track.violated.any()
     assert [len(step.correspondences.found) for step in track.steps] == [0, 0]
-    assert track.result.bounds[1].contains([1.0, 0.0, 0.0])
-    assert len(track_facades([away], [0.0], [], walls, begin).steps[0].correspondences.found) > 0
+    assert track.result.bounds[1].contains(after)
+    # Twice as wide in heading as one scan is asked for at a time.
+    wide = Bounds.around(np.array([2.0, 1.0, 0.0]), 7.0, np.radians(40.0))
+    track = track_facades([points], [0.0], [], walls, wide)
+    assert len(track.steps[0].correspondences.found) > 0
+    assert track.result.bounds[0].contains(pose)
+    assert bound_radii(track.result.bounds[0])[2] < np.radians(10.0)
 
 
 def test_radii_are_half_sides_and_empty_sets_count_as_failures():

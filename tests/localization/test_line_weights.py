@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from factorloc.localization._facade_kernels import weigh_satisfied
 from factorloc.localization._line_kernels import PEAK
 from factorloc.localization.line_doubt import DoubtSettings, doubts, marks
-from factorloc.localization.line_weights import likely_level, surprising_weight, weights_of
+from factorloc.localization.line_weights import likely_depth, surprising_weight, weights_of
 
 some_doubts = st.lists(st.floats(0.002, 0.45), min_size=1, max_size=8).map(np.array)
 
@@ -45,14 +45,18 @@ def test_surprising_weight_is_that_of_all_subsets(doubt: np.ndarray, surprise: f
     st.lists(st.integers(-1, 60), min_size=1, max_size=200).filter(lambda sums: max(sums) >= 0),
     st.sampled_from([0.5, 0.9, 0.999]),
 )
-def test_cells_below_the_level_hold_no_more_than_the_rest_of_the_odds(sums: list[int], confidence: float) -> None:
-    cells = np.array(sums, np.int32)
-    level = likely_level(cells, int(cells.max()), confidence)
-    odds = np.where(cells >= 0, np.exp((cells - cells.max()) / 8.0), 0.0)
-    assert odds[cells < level].sum() <= (1 - confidence) * odds.sum() + 1e-9
-    # One level more would leave out too much.
-    assert odds[cells <= level].sum() >= (1 - confidence) * odds.sum() - 1e-9
-    assert level <= cells.max()
+def test_poses_left_out_hold_no_more_than_the_rest_of_the_odds(sums: list[int], confidence: float) -> None:
+    cells = np.array(sums)
+    below = int(cells.max()) - cells[cells >= 0]
+    # Of two parts whose cells have one volume; the same in one.
+    parts = [np.bincount(below[0::2], minlength=1), np.bincount(below[1::2], minlength=1)]
+    depth = likely_depth([0.3 * part for part in parts], confidence)
+    assert depth == likely_depth([0.3 * np.bincount(below)], confidence)
+    odds = np.exp(-below / 8.0)
+    assert odds[below > depth].sum() <= (1 - confidence) * odds.sum() + 1e-9
+    # One level less would leave out too much.
+    assert odds[below >= depth].sum() >= (1 - confidence) * odds.sum() - 1e-9
+    assert depth >= 0
 
 
 def peak(**changes: float) -> np.ndarray:
@@ -91,9 +95,9 @@ def test_without_a_peak_there_is_no_doubt_to_tell() -> None:
 
 @given(st.integers(0, 2**31))
 def test_no_cell_weighs_less_than_any_of_its_poses(seed: int) -> None:
-    """Random strips, along and across, with pairs that leave boxes; random points of every cell."""
+    """Random strips, along and across, of facades with one line or more, and pairs that leave boxes; random points."""
     rng = np.random.default_rng(seed)
-    slices, count, rows, cells, step = 2, 5, 4, 6, 0.5
+    slices, count, rows, cells, step = 2, 8, 4, 6, 0.5
 
     def strips(*shape: int) -> np.ndarray:
         turns = rng.choice([0.0, np.pi / 2, np.nan], shape)
@@ -102,11 +106,12 @@ def test_no_cell_weighs_less_than_any_of_its_poses(seed: int) -> None:
         return np.stack([np.cos(turns), np.sin(turns), middle - half, middle + half], -1)
 
     normal, across, boxes = strips(slices, count), strips(slices, count), strips(slices, 2, 2)
-    pairs = np.array([[0, 1], [2, 4]])
-    weights = rng.integers(1, 50, count).astype(np.int32)
+    groups = np.array([0, 1, 2, 3, 4, 5, 8])  # the last facade has three lines
+    pairs = np.array([[0, 1, 0, 1], [2, 4, 2, 4]])
+    weights = rng.integers(1, 50, len(groups) - 1).astype(np.int32)
     sums = np.empty((slices, rows, cells), np.int32)
     room = np.empty(count, np.int64), np.empty(count, np.int64), np.empty(cells + 1, np.int32)
-    weigh_satisfied(normal, across, boxes, pairs, weights, -1.5, -1.0, step, *room, sums)
+    weigh_satisfied(normal, across, boxes, pairs, groups, weights, -1.5, -1.0, step, *room, sums)
 
     def holds(limits: np.ndarray, point: np.ndarray) -> np.ndarray:
         value = limits[..., :2] @ point
@@ -114,9 +119,10 @@ def test_no_cell_weighs_less_than_any_of_its_poses(seed: int) -> None:
 
     for j, y, x in itertools.product(range(slices), range(rows), range(cells)):
         for point in np.array([-1.5 + step * x, -1.0 + step * y]) + step * rng.random((5, 2)):
-            satisfied = holds(normal[j], point) & holds(across[j], point)
+            lines = holds(normal[j], point) & holds(across[j], point)
+            satisfied = np.logical_or.reduceat(lines, groups[:-1])
             weight = int(weights[satisfied].sum())
-            for pair, box in zip(pairs, boxes[j], strict=True):
+            for pair, box in zip(pairs[:, 2:], boxes[j], strict=True):
                 if satisfied[pair].all() and not holds(box, point).all():
                     weight -= int(weights[pair].min())
             assert weight <= sums[j, y, x] <= weights.sum()

@@ -1,0 +1,169 @@
+"""Facade tracker: one drive among facades, carried on scan by scan."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import numpy.typing as npt
+
+from factorloc.localization.bounded_least_squares import estimate_in_bounds
+from factorloc.localization.bounded_motion import propagate, widen
+from factorloc.localization.correspondence import Correspondences
+from factorloc.localization.correspondences import find_correspondences
+from factorloc.localization.facade_hypotheses import Hypothesis, chosen, evidence, without_twins
+from factorloc.localization.facade_scan import FacadeStep, middle_of
+from factorloc.localization.facade_settings import FacadeSettings
+from factorloc.localization.feasible_layers import Layer, as_layers, hull_of_layers
+from factorloc.localization.feasible_set import FeasibleSet, intersect_pieces
+from factorloc.localization.start_pieces import split_layers
+from factorloc.localization.wall_belief import WallBelief
+from factorloc.localization.wall_lines import WallLines
+from factorloc.mapping.facade_points import FacadePoints
+from factorloc.result import Bounds
+
+__all__ = ["FacadeTracker"]
+
+Array = npt.NDArray[np.float64]
+
+
+class FacadeTracker:
+    """Where a body may be, and what is believed of it, from scan to scan.
+
+    Parameters
+    ----------
+    walls : WallLines
+        The map.
+    start : Bounds
+        Where the drive begins.
+    guess : array_like, shape (3,), optional
+        And where the search for the first pose does; the middle of the start by default.
+    settings : FacadeSettings
+        All settings.
+
+    Attributes
+    ----------
+    known : Bounds
+        Where the body may be, as it is reported.
+    layers : tuple of Layer
+        The same with all that is less probable, as it is carried along.
+    hypotheses : list of Hypothesis
+        Beliefs of the pose.
+    """
+
+    def __init__(self, walls: WallLines, start: Bounds, guess: npt.ArrayLike | None, settings: FacadeSettings) -> None:
+        self.walls, self.settings = walls, settings
+        self.known, self.layers = start, as_layers(start)
+        self.margin = 0.0, 0.0
+        begin = middle_of(start) if guess is None else np.asarray(guess, np.float64)
+        self.hypotheses = [Hypothesis(WallBelief.within_bounds(start, begin), 0.0, begin)]
+
+    @property
+    def belief(self) -> WallBelief:
+        """The one that most speaks for."""
+        return chosen(self.hypotheses).belief
+
+    def move(self, motion: Array, errors: Array) -> None:
+        """Carry everything along by a motion ``T_before_after`` with bounded errors (m and rad)."""
+        settings = self.settings
+        spare = settings.forgetting_position, settings.forgetting_heading
+        self.margin = settings.margin_position, settings.margin_heading
+        self.known = propagate(self.known, motion, errors)
+        self.layers = _changed(self.layers, partial(propagate, motion=motion, errors=errors, spare=spare))
+        self.hypotheses = [
+            replace(one, belief=one.belief.moved(motion, settings.motion_sigma * errors)) for one in self.hypotheses
+        ]
+
+    def localize(self, points: FacadePoints) -> FacadeStep:
+        """Intersect with what a scan leaves, and find the most likely pose.
+
+        Parameters
+        ----------
+        points : FacadePoints
+            The scan.
+        """
+        settings = self.settings
+        parts = split_layers(self.layers, settings.piece_position, settings.piece_heading, settings.most_pieces)
+        around = [widen(hull_of_layers(part), *self.margin) for part in parts]
+        asked = [find_correspondences(points, self.walls, one, settings.correspondences) for one in around]
+        if not asked:
+            asked, parts = [Correspondences.none(len(points))], [self.layers]
+        pieces = [(one.found, part) for one, part in zip(asked, parts, strict=True)]
+        if any(one.found for one in asked):
+            feasible = intersect_pieces(pieces, self.walls, settings.feasible)
+        else:
+            feasible = FeasibleSet(self.known, self.layers, (), 0)
+        if feasible.violated:
+            self.layers = _changed(
+                self.layers, partial(widen, position=settings.recovery_position, heading=settings.recovery_heading)
+            )
+            self.known = hull_of_layers(self.layers)
+            step = FacadeStep(asked[feasible.piece], feasible, None, None)
+        else:
+            self.layers, self.known = feasible.layers, feasible.bounds
+            step = self._estimate(points, asked, parts, feasible)
+        self._stay()
+        return step
+
+    def _estimate(
+        self,
+        points: FacadePoints,
+        asked: Sequence[Correspondences],
+        parts: Sequence[tuple[Layer, ...]],
+        feasible: FeasibleSet,
+    ) -> FacadeStep:
+        settings = self.settings
+        updated, against = list[Hypothesis](), list[float]()
+        for one in self.hypotheses:
+            new, contrary = self._updated(one, points, _around(asked, parts, one.belief.pose, feasible.piece), feasible)
+            updated.append(new)
+            against.append(contrary)
+        best = max(range(len(updated)), key=lambda k: updated[k].score)
+        if against[best] > settings.hypotheses.doubtful:
+            begin = middle_of(feasible.bounds)
+            fresh = Hypothesis(
+                WallBelief.within_bounds(feasible.bounds, begin),
+                self.hypotheses[best].score - settings.hypotheses.handicap, begin,
+            )  # fmt: skip
+            updated.append(self._updated(fresh, points, asked[feasible.piece], feasible)[0])
+        self.hypotheses = without_twins(updated, settings.hypotheses)
+        first = self.hypotheses[0]
+        correspondences = _around(asked, parts, first.guess, feasible.piece)
+        return FacadeStep(correspondences, feasible, first.estimate, first.guess, first.prior)
+
+    def _updated(
+        self, one: Hypothesis, points: FacadePoints, correspondences: Correspondences, feasible: FeasibleSet
+    ) -> tuple[Hypothesis, float]:
+        """A hypothesis after a scan, and the weight of the lines against it."""
+        settings = self.settings
+        gain, against = evidence(correspondences.found, self.walls, one.belief, settings.least_squares)
+        score = settings.hypotheses.memory * one.score + settings.hypotheses.novelty * gain
+        estimate = estimate_in_bounds(
+            points, correspondences, self.walls, one.belief.pose, feasible.bounds,
+            conflicts=feasible.conflicts, prior=one.belief, settings=settings.least_squares,
+        )  # fmt: skip
+        return Hypothesis(estimate.belief, score, one.belief.pose, one.belief, estimate), against
+
+    def _stay(self) -> None:
+        """Hold beliefs within what is possible, and forget walls that are far."""
+        for k, one in enumerate(self.hypotheses):
+            pose = self.known.nearest(one.belief.pose)
+            near = self.walls.facades.within(pose[:2], self.settings.remembered)
+            belief = one.belief.at(pose).limited_to(self.walls.facades.buildings[near], near)
+            self.hypotheses[k] = replace(one, belief=belief)
+
+
+def _changed(layers: Sequence[Layer], change: partial[Bounds]) -> tuple[Layer, ...]:
+    return tuple(Layer(layer.cost, tuple(change(one) for one in layer.slices)) for layer in layers)
+
+
+def _around(
+    asked: Sequence[Correspondences], parts: Sequence[tuple[Layer, ...]], pose: Array, otherwise: int
+) -> Correspondences:
+    """Correspondences of the piece that holds a pose."""
+    for one, part in zip(asked, parts, strict=True):
+        if any(slice_.contains(pose) for layer in part for slice_ in layer.slices):
+            return one
+    return asked[otherwise]

@@ -1,0 +1,90 @@
+"""Pieces of a start: in a wide place no line is unambiguous, so parts of it are asked in turn.
+
+A wall is looked for among all distances that it may have. From a start of many metres these take in the neighbours, and
+every line is rivalled; from each of its pieces they do not. What the pieces find is weighed together afterwards.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+from factorloc.intervals import ConvexPolygon
+from factorloc.localization.feasible_layers import Layer, hull_of_layers
+from factorloc.result import Bounds
+
+__all__ = ["split_layers"]
+
+Array = npt.NDArray[np.float64]
+
+
+def split_layers(
+    layers: Sequence[Layer], most_position: float, most_heading: float, most_pieces: int
+) -> list[tuple[Layer, ...]]:
+    """Part layers into pieces of limited size, by heading and along the sides of the smallest rectangle around them.
+
+    Parameters
+    ----------
+    layers : sequence of Layer
+        Where the body may be.
+    most_position, most_heading : float
+        Greatest half sides of a piece, m and rad.
+    most_pieces : int
+        If more were needed, there is none.
+    """
+    whole = hull_of_layers(layers)
+    low, high = whole.orientation
+    turns = max(math.ceil((high - low) / (2.0 * most_heading) - 1e-9), 1)
+    axes, place_low, place_high = _rectangle(whole.polygons[0])
+    number = np.maximum(np.ceil((place_high - place_low) / (2.0 * most_position) - 1e-9).astype(int), 1)
+    if turns * int(number.prod()) == 1:
+        return [tuple(layers)]
+    if turns * int(number.prod()) > most_pieces:
+        return []
+    heads = np.linspace(low, high, turns + 1)
+    xs, ys = (np.linspace(place_low[k], place_high[k], number[k] + 1) for k in range(2))
+    pieces = []
+    for h in range(turns):
+        for x in range(number[0]):
+            for y in range(number[1]):
+                box = np.array([xs[x], xs[x + 1]]), np.array([ys[y], ys[y + 1]])
+                parts = tuple(
+                    Layer(layer.cost, slices)
+                    for layer in layers
+                    if (slices := _within(layer.slices, (heads[h], heads[h + 1]), axes, box))
+                )
+                if parts:
+                    pieces.append(parts)
+    return pieces
+
+
+def _rectangle(polygon: Array) -> tuple[Array, Array, Array]:
+    """Axes of the smallest rectangle around a polygon, and its limits along them."""
+    around = shapely.minimum_rotated_rectangle(shapely.Polygon(polygon))
+    corners = shapely.get_coordinates(around)
+    side = corners[1] - corners[0]
+    axis = side / np.hypot(*side)
+    axes = np.array([axis, [-axis[1], axis[0]]])
+    along = polygon @ axes.T
+    return axes, along.min(0), along.max(0)
+
+
+def _within(
+    slices: Sequence[Bounds], heading: tuple[float, float], axes: Array, box: tuple[Array, Array]
+) -> tuple[Bounds, ...]:
+    kept = []
+    a, b = np.concatenate([axes[:, 0], -axes[:, 0]]), np.concatenate([axes[:, 1], -axes[:, 1]])
+    c = np.array([box[0][1], box[1][1], -box[0][0], -box[1][0]])
+    for one in slices:
+        low, high = max(one.orientation[0], heading[0]), min(one.orientation[1], heading[1])
+        if low > high:
+            continue
+        cut = [ConvexPolygon(polygon).clip_half_planes(a, b, c) for polygon in one.polygons]
+        polygons = tuple(part.corners for part in cut if not part.is_empty and part.area > 0.0)
+        if polygons:
+            kept.append(Bounds((low, high), polygons))
+    return tuple(kept)
