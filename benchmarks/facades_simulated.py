@@ -33,7 +33,9 @@ from factorloc.config import Block, read_config
 from factorloc.errors import DataError
 from factorloc.factors import PosePrior
 from factorloc.localization import MonteCarloSettings, localize_by_particles
-from factorloc.localization.interval_tracking import FacadeSettings, localize_scan, track_facades
+from factorloc.localization.facade_scan import localize_scan
+from factorloc.localization.facade_settings import FacadeSettings
+from factorloc.localization.interval_tracking import track_facades
 from factorloc.localization.wall_lines import WallLines
 from factorloc.mapping.facade_likelihood import facade_likelihood
 from factorloc.mapping.facade_points import FacadePoints, ReductionSettings, ScanErrors, facade_points
@@ -55,11 +57,14 @@ class KindSettings(Block):
     ----------
     likelihood_sigma : float
         Standard deviation of the facade likelihood of the particle filter, m.
+    confidence : float
+        Of the feasible sets of drives. On a better map fewer lines are false without looking so.
     shots, tracking : dict of str to (float or None, float or None)
         Least and most of figures.
     """
 
     likelihood_sigma: float = Field(gt=0)
+    confidence: float = Field(gt=0, lt=1)
     shots: dict[str, tuple[float | None, float | None]]
     tracking: dict[str, tuple[float | None, float | None]]
 
@@ -100,6 +105,11 @@ class SimulatedSettings(Block):
     one_direction: float = Field(gt=0)
     well_conditioned: float = Field(gt=0)
     kinds: dict[str, KindSettings]
+
+    def of_drives(self, kind: str) -> FacadeSettings:
+        """Of drives with a kind of map."""
+        feasible = self.tracking.feasible.replaced(confidence=self.kinds[kind].confidence)
+        return self.tracking.replaced(feasible=feasible)
 
 
 @one_line_errors
@@ -182,13 +192,14 @@ def run_drive(
     start = _start(drive.poses[0], settings, np.random.default_rng((settings.seed, district.seed, 1, number)))
     middle = np.array([*start.polygons[0].mean(0), np.mean(start.orientation)])
     for kind, lines in walls.items():
+        chosen = settings.of_drives(kind)
         track = track_facades(
             scans, stamps, drive.odometry, lines, start, guess=middle, motion_errors=drive.odometry_bounds,
-            settings=settings.tracking,
+            settings=chosen,
         )  # fmt: skip
         assert track.result.bounds is not None
         for k, (step, bounds) in enumerate(zip(track.steps, track.result.bounds, strict=True)):
-            found[kind].add(step, scans[k], lines, drive.poses[k], bounds, settings.tracking, settings.one_direction)
+            found[kind].add(step, scans[k], lines, drive.poses[k], bounds, chosen, settings.one_direction)
         found[kind].seconds += [track.result.seconds / len(scans)] * len(scans)
         found[kind].bounded[-len(scans) :] = list(track.result.trajectory.poses)
         found[kind].particles += list(_by_particles(scans, drive.odometry, lines, middle, settings, kind))
