@@ -12,6 +12,8 @@ from factorloc.geometry import se2
 from factorloc.localization.bounded_least_squares import estimate_in_bounds
 from factorloc.localization.correspondences import find_correspondences
 from factorloc.localization.facade_hypotheses import Hypothesis, HypothesisSettings, chosen, evidence, without_twins
+from factorloc.localization.facade_settings import FacadeSettings
+from factorloc.localization.facade_tracker import FacadeTracker
 from factorloc.localization.least_squares_settings import LeastSquaresSettings
 from factorloc.localization.line_gate import line_residuals, lines_expected
 from factorloc.localization.wall_belief import WallBelief
@@ -156,3 +158,24 @@ def test_of_hypotheses_near_each_other_the_better_is_kept():
     kept = without_twins([at(0.0, 1.0), at(0.3, 5.0), at(4.0, 2.0), at(8.0, 0.0), at(12.0, -3.0)], HypothesisSettings())
     assert [one.score for one in kept] == [5.0, 2.0, 0.0]
     assert chosen(kept).score == 5.0
+
+
+def test_a_sure_and_wrong_belief_is_given_up_for_one_that_the_lines_speak_for():
+    rng = np.random.default_rng(11)
+    facades, true = crossing(rng)
+    walls, pose = WallLines(facades), np.array([0.3, -0.2, 0.1])
+    tracker = FacadeTracker(walls, Bounds.around(pose, 5.0, np.radians(4.0)), None, FacadeSettings())
+    # 4 m off in both directions of the streets, and sure of that to 5 cm.
+    wrong = WallBelief.of_pose(pose + np.array([4.0, 4.0, 0.0]), np.diag([0.05, 0.05, 0.002]) ** 2)
+    tracker.hypotheses = [Hypothesis(wrong, 0.0, wrong.pose)]
+    away = []
+    for k in range(25):
+        if k:
+            tracker.move(np.zeros(3), np.array([0.01, 0.01, 0.001]))
+        step = tracker.localize(points_on(true, facing(walls, pose), pose, rng)[0])
+        assert step.feasible.bounds.contains(step.estimate.pose)
+        assert tracker.known.contains(tracker.belief.pose)
+        assert len(tracker.hypotheses) <= 3
+        away.append(np.hypot(*(tracker.belief.pose - pose)[:2]))
+    assert away[0] > 1.0
+    assert away[-1] < 0.5
