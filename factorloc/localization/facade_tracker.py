@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -24,9 +24,10 @@ from factorloc.localization.wall_lines import WallLines
 from factorloc.mapping.facade_points import FacadePoints
 from factorloc.result import Bounds
 
-__all__ = ["FacadeTracker"]
+__all__ = ["FacadeTracker", "Finder"]
 
 Array = npt.NDArray[np.float64]
+Finder = Callable[[FacadePoints, WallLines, Bounds], Correspondences]
 
 
 class FacadeTracker:
@@ -42,6 +43,8 @@ class FacadeTracker:
         And where the search for the first pose does; the middle of the start by default.
     settings : FacadeSettings
         All settings.
+    find : callable, optional
+        Finds the correspondences of a scan with the map from a start; :func:`find_correspondences` by default.
 
     Attributes
     ----------
@@ -53,8 +56,16 @@ class FacadeTracker:
         Beliefs of the pose.
     """
 
-    def __init__(self, walls: WallLines, start: Bounds, guess: npt.ArrayLike | None, settings: FacadeSettings) -> None:
+    def __init__(
+        self,
+        walls: WallLines,
+        start: Bounds,
+        guess: npt.ArrayLike | None,
+        settings: FacadeSettings,
+        find: Finder | None = None,
+    ) -> None:
         self.walls, self.settings = walls, settings
+        self.find = find or partial(find_correspondences, settings=settings.correspondences)
         self.known, self.layers = start, as_layers(start)
         self.margin = 0.0, 0.0
         begin = middle_of(start) if guess is None else np.asarray(guess, np.float64)
@@ -87,7 +98,7 @@ class FacadeTracker:
         settings = self.settings
         parts = split_layers(self.layers, settings.piece_position, settings.piece_heading, settings.most_pieces)
         around = [widen(hull_of_layers(part), *self.margin) for part in parts]
-        asked = [find_correspondences(points, self.walls, one, settings.correspondences) for one in around]
+        asked = [self.find(points, self.walls, one) for one in around]
         if not asked:
             asked, parts = [Correspondences.none(len(points))], [self.layers]
         pieces = [(one.found, part) for one, part in zip(asked, parts, strict=True)]

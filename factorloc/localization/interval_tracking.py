@@ -12,7 +12,7 @@ import numpy.typing as npt
 from factorloc.errors import GeometryError
 from factorloc.localization.facade_scan import FacadeStep
 from factorloc.localization.facade_settings import FacadeSettings
-from factorloc.localization.facade_tracker import FacadeTracker
+from factorloc.localization.facade_tracker import FacadeTracker, Finder
 from factorloc.localization.wall_lines import WallLines
 from factorloc.mapping.facade_points import FacadePoints
 from factorloc.result import Bounds, Result, StopReason
@@ -55,6 +55,7 @@ def track_facades(
     guess: npt.ArrayLike | None = None,
     motion_errors: npt.ArrayLike | None = None,
     settings: FacadeSettings | None = None,
+    find: Finder | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> FacadeTrack:
     """Track a drive among facades.
@@ -80,6 +81,8 @@ def track_facades(
         Greatest errors of the motions, m and rad; those of the settings by default.
     settings : FacadeSettings, optional
         All settings.
+    find : callable, optional
+        Finds the correspondences of a scan with the map from a start; :func:`find_correspondences` by default.
     progress : callable, optional
         Called with the number of scans done.
 
@@ -98,7 +101,7 @@ def track_facades(
         errors = np.asarray(motion_errors, np.float64)
         if errors.shape != moves.shape:
             raise GeometryError(f"motion_errors: shape {errors.shape}; expected {moves.shape}, as the motions")
-    tracker = FacadeTracker(walls, start, guess, settings)
+    tracker = FacadeTracker(walls, start, guess, settings, find)
     steps, poses, covariances, sets = [], [], [], []
     for k, points in enumerate(scans):
         if k:

@@ -16,7 +16,8 @@ from benchmarks.facades_districts import SETTINGS as DISTRICTS
 from benchmarks.facades_districts import District, DistrictSettings, districts
 from benchmarks.facades_kitti0005 import SETTINGS as DRIVE
 from benchmarks.facades_kitti0005 import HybridDriveSettings
-from benchmarks.facades_simulated import SETTINGS, SimulatedSettings, add_goals, main
+from benchmarks.facades_settings import SETTINGS, SimulatedSettings
+from benchmarks.facades_simulated import add_goals, main
 from benchmarks.harness import Benchmark
 from factorloc.config import read_config
 from factorloc.result import Bounds
