@@ -63,7 +63,9 @@ def plot_bars(groups: Mapping[str, Sequence[Bar]], unit: str, *, share: bool = T
     return figure
 
 
-def plot_columns(columns: Mapping[str, Mapping[str, Sequence[Bar]]], unit: str) -> Figure:
+def plot_columns(
+    columns: Mapping[str, Mapping[str, Sequence[Bar]]], unit: str, note: str = "median, quartiles; dashed: goal"
+) -> Figure:
     """Draw a column of panels a case and a row a group, each row on one scale; a competitor has one colour.
 
     Parameters
@@ -71,7 +73,9 @@ def plot_columns(columns: Mapping[str, Mapping[str, Sequence[Bar]]], unit: str) 
     columns : mapping of str to mapping of str to sequence of Bar
         Groups of bars by case, then by title; every case has the same titles, and some bars of each may be missing.
     unit : str
-        Of all values.
+        Of all values; empty if the labels say it.
+    note : str
+        What bars, strokes and dashes are.
     """
     titles = list(next(iter(columns.values())))
     labels = {
@@ -94,7 +98,7 @@ def plot_columns(columns: Mapping[str, Mapping[str, Sequence[Bar]]], unit: str) 
             )
             dress(axes)
             axes.grid(False, axis="y")
-        panels[-1, column].set_xlabel(f"{unit} (median, quartiles; dashed: goal)", fontsize=FONT_SIZE, color=INK)
+        panels[-1, column].set_xlabel(f"{unit} ({note})".strip(), fontsize=FONT_SIZE, color=INK)
     return figure
 
 
@@ -113,7 +117,7 @@ def _draw(
             )
         end = max(high, bar.value, bar.bound or 0.0)
         axes.annotate(
-            f"{bar.value:.3g} {unit}",
+            f"{bar.value:.3g} {unit}".strip(),
             (end, row),
             xytext=(4, 0),
             textcoords="offset points",

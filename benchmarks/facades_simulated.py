@@ -19,11 +19,12 @@ import time
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.bars import Bar, plot_bars
+from benchmarks.bars import Bar, plot_columns
 from benchmarks.facade_outcomes import PUBLISHED, PUBLISHED_ROWS, Outcomes, add_figures, kept
 from benchmarks.facades_districts import SETTINGS as DISTRICTS
 from benchmarks.facades_districts import District, DistrictSettings, districts, scan_cache
@@ -48,6 +49,9 @@ PARTS = ("shots", "tracking")
 LINES = ("found", "true")
 AT_ONCE = {"shots": 50, "tracking": 1}
 """Poses and drives that are kept together."""
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Array = npt.NDArray[np.float64]
 
@@ -117,7 +121,7 @@ def main(argv: list[str] | None = None) -> int:
     for table, values in PUBLISHED.items():
         for (row, unit), value in zip(PUBLISHED_ROWS, values, strict=True):
             bench.figure(f"published table {table}: {row}", value, unit)
-    return bench.finish(given, plot_bars(_panels(bench, options["parts"]), "m or deg", share=False))
+    return bench.finish(given, _picture(bench, list(settings.kinds), options["parts"]))
 
 
 def run_shots(
@@ -203,14 +207,22 @@ def add_goals(bench: Benchmark, part: str, kind: str, goals: dict[str, tuple[flo
             bench.goal(f"{where}: bounded {name} less MCL's", bounded - particles, unit, 0.0)
 
 
-def _panels(bench: Benchmark, parts: tuple[str, ...]) -> dict[str, list[Bar]]:
-    panels = {}
-    for part in parts:
-        names = [name for name in bench.figures if name.startswith(part) and name.endswith("radius")]
-        panels[f"{part}: radii"] = [
-            Bar(name.removeprefix(f"{part}, "), bench.figures[name][0], (bench.figures[name][0],) * 2) for name in names
-        ]
-    return panels
+def _picture(bench: Benchmark, kinds: list[str], parts: tuple[str, ...]) -> Figure:
+    """Sizes of sets and errors of estimates, means over all poses, with their goals."""
+    goals = {goal.name: goal.most for goal in bench.goals}
+
+    def bar(where: str, name: str) -> Bar:
+        value, unit = bench.figures[f"{where}: {name}"]
+        return Bar(f"{name}, {unit}", value, (value, value), goals.get(f"{where}: {name}"))
+
+    columns: dict[str, dict[str, list[Bar]]] = {kind: {} for kind in kinds}
+    for kind, panels in columns.items():
+        for part in parts:
+            where = f"{part}, {kind}"
+            panels[f"{part}: sets"] = [bar(where, f"{side} radius") for side in ("smaller", "larger", "orientation")]
+            who = ("bounded", "unbounded", "MCL") if part == "tracking" else ("bounded",)
+            panels[f"{part}: errors"] = [bar(where, f"{one} {of}") for of in ("RMSE", "angle") for one in who]
+    return plot_columns(columns, "", "means; dashed: goal")
 
 
 if __name__ == "__main__":
