@@ -21,6 +21,8 @@ __all__ = ["split_layers"]
 
 Array = npt.NDArray[np.float64]
 
+_SLIVER = 1e-9  # m
+
 
 def split_layers(
     layers: Sequence[Layer], most_position: float, most_heading: float, most_pieces: int
@@ -64,11 +66,12 @@ def split_layers(
 
 def _rectangle(polygon: Array) -> tuple[Array, Array, Array]:
     """Axes of the smallest rectangle around a polygon, and its limits along them."""
-    around = shapely.minimum_rotated_rectangle(shapely.Polygon(polygon))
-    corners = shapely.get_coordinates(around)
-    side = corners[1] - corners[0]
-    axis = side / np.hypot(*side)
-    axes = np.array([axis, [-axis[1], axis[0]]])
+    around = shapely.minimum_rotated_rectangle(shapely.MultiPoint(polygon))
+    axes = np.eye(2)
+    if around.geom_type in ("Polygon", "LineString"):
+        corners = shapely.get_coordinates(around)
+        x, y = (corners[1] - corners[0]) / np.hypot(*(corners[1] - corners[0]))
+        axes = np.array([[x, y], [-y, x]])
     along = polygon @ axes.T
     return axes, along.min(0), along.max(0)
 
@@ -76,6 +79,7 @@ def _rectangle(polygon: Array) -> tuple[Array, Array, Array]:
 def _within(
     slices: Sequence[Bounds], heading: tuple[float, float], axes: Array, box: tuple[Array, Array]
 ) -> tuple[Bounds, ...]:
+    """What slices have in a range of headings and a rectangle."""
     kept = []
     a, b = np.concatenate([axes[:, 0], -axes[:, 0]]), np.concatenate([axes[:, 1], -axes[:, 1]])
     c = np.array([box[0][1], box[1][1], -box[0][0], -box[1][0]])
@@ -83,8 +87,15 @@ def _within(
         low, high = max(one.orientation[0], heading[0]), min(one.orientation[1], heading[1])
         if low > high:
             continue
-        cut = [ConvexPolygon(polygon).clip_half_planes(a, b, c) for polygon in one.polygons]
-        polygons = tuple(part.corners for part in cut if not part.is_empty and part.area > 0.0)
+        polygons = tuple(part for polygon in one.polygons if len(part := _clipped(polygon, a, b, c)))
         if polygons:
             kept.append(Bounds((low, high), polygons))
     return tuple(kept)
+
+
+def _clipped(polygon: Array, a: Array, b: Array, c: Array) -> Array:
+    """A polygon within half-planes ``a x + b y <= c``; one without an area is left whole where it meets them all."""
+    if float(np.ptp(polygon @ np.stack([a, b]), axis=0).min()) < _SLIVER:
+        meets = (polygon @ np.stack([a, b])).min(0) <= c + _SLIVER
+        return polygon if bool(meets.all()) else polygon[:0]
+    return ConvexPolygon(polygon).clip_half_planes(a, b, c).corners

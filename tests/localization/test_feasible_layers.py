@@ -89,6 +89,22 @@ def test_pieces_hold_all_of_the_start_and_give_what_it_gives(scene):
     assert np.ptp(parts.bounds.orientation) == pytest.approx(np.ptp(whole.bounds.orientation), abs=np.radians(0.8))
 
 
+@pytest.mark.parametrize("size", [(0.0, 0.0), (12.0, 0.0), (0.0, 12.0), (12.0, 1e-8)])
+def test_a_start_without_an_area_is_parted_too(size):
+    corners = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) * size + [3.0, 4.0]
+    layers = as_layers(Bounds((0.1, 0.5), (corners,)))
+    pieces = split_layers(layers, 5.0, np.radians(5.0), 100)
+    assert len(pieces) == 3 * (3 if max(size) else 1)
+    for share in np.linspace(0.0, 1.0, 7):
+        place = corners[0] + share * (corners[2] - corners[0])
+        for heading in (0.1, 0.31, 0.5):
+            near = [
+                piece for piece in pieces for layer in piece for one in layer.slices
+                if one.contains([*place, heading], 1e-6)
+            ]  # fmt: skip
+            assert near
+
+
 def test_lines_from_other_pieces_count(scene):
     """From one piece a wall was not found, from the other all were: the truth in the first one is not given up."""
     walls, pose, found = scene
