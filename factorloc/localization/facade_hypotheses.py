@@ -39,6 +39,8 @@ class HypothesisSettings(Block):
     ----------
     most : int
         Beliefs that are kept.
+    places : int
+        Another one begins at the best of so many places along either side of the feasible set, the first ones at all.
     doubtful : float
         Another one begins if lines that are not where the best belief has them weigh more, natural units of log odds.
     handicap : float
@@ -51,10 +53,11 @@ class HypothesisSettings(Block):
         Beliefs nearer than that are one, m and rad.
     """
 
-    most: int = Field(3, gt=0)
+    most: int = Field(4, gt=0)
+    places: int = Field(3, gt=0)
     doubtful: float = Field(10.0, gt=0)
-    handicap: float = Field(20.0, ge=0)
-    memory: float = Field(0.95, ge=0, le=1)
+    handicap: float = Field(40.0, ge=0)
+    memory: float = Field(1.0, ge=0, le=1)
     novelty: float = Field(0.05, gt=0, le=1)
     twins_position: float = Field(0.5, ge=0)
     twins_heading: float = Field(math.radians(1.0), ge=0)

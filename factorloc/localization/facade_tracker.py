@@ -14,7 +14,7 @@ from factorloc.localization.bounded_motion import propagate, widen
 from factorloc.localization.correspondence import Correspondences
 from factorloc.localization.correspondences import find_correspondences
 from factorloc.localization.facade_hypotheses import Hypothesis, chosen, evidence, without_twins
-from factorloc.localization.facade_scan import FacadeStep, middle_of
+from factorloc.localization.facade_scan import FacadeStep, middle_of, places_in
 from factorloc.localization.facade_settings import FacadeSettings
 from factorloc.localization.feasible_layers import Layer, as_layers, hull_of_layers
 from factorloc.localization.feasible_set import FeasibleSet, intersect_pieces
@@ -67,7 +67,7 @@ class FacadeTracker:
         self.walls, self.settings = walls, settings
         self.find = find or partial(find_correspondences, settings=settings.correspondences)
         self.known, self.layers = start, as_layers(start)
-        self.margin = 0.0, 0.0
+        self.margin, self.begins = (0.0, 0.0), True
         begin = middle_of(start) if guess is None else np.asarray(guess, np.float64)
         self.hypotheses = [Hypothesis(WallBelief.within_bounds(start, begin), 0.0, begin)]
 
@@ -132,17 +132,29 @@ class FacadeTracker:
             updated.append(new)
             against.append(contrary)
         best = max(range(len(updated)), key=lambda k: updated[k].score)
-        if against[best] > settings.hypotheses.doubtful:
-            begin = middle_of(feasible.bounds)
-            fresh = Hypothesis(
-                WallBelief.within_bounds(feasible.bounds, begin),
-                self.hypotheses[best].score - settings.hypotheses.handicap, begin,
-            )  # fmt: skip
-            updated.append(self._updated(fresh, points, asked[feasible.piece], feasible)[0])
+        if self.begins:
+            updated += self._anywhere(points, asked[feasible.piece], feasible, 0.0)
+        elif against[best] > settings.hypotheses.doubtful:
+            score = self.hypotheses[best].score - settings.hypotheses.handicap
+            updated += self._anywhere(points, asked[feasible.piece], feasible, score)[:1]
+        self.begins = False
         self.hypotheses = without_twins(updated, settings.hypotheses)
         first = self.hypotheses[0]
         correspondences = _around(asked, parts, first.guess, feasible.piece)
         return FacadeStep(correspondences, feasible, first.estimate, first.guess, first.prior)
+
+    def _anywhere(
+        self, points: FacadePoints, correspondences: Correspondences, feasible: FeasibleSet, score: float
+    ) -> list[Hypothesis]:
+        """Hypotheses that begin anywhere in a feasible set, by how well they fit the scan in the end."""
+        settings = self.settings
+        found = list[Hypothesis]()
+        for begin in places_in(feasible.bounds, settings.hypotheses.places):
+            fresh = Hypothesis(WallBelief.within_bounds(feasible.bounds, begin), score, begin)
+            new = self._updated(fresh, points, correspondences, feasible)[0]
+            fits = evidence(correspondences.found, self.walls, new.belief, settings.least_squares)[0]
+            found.append(replace(new, score=score + settings.hypotheses.novelty * fits))
+        return sorted(found, key=lambda one: -one.score)
 
     def _updated(
         self, one: Hypothesis, points: FacadePoints, correspondences: Correspondences, feasible: FeasibleSet

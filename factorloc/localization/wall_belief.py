@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from factorloc.factors.prior import PosePrior
-from factorloc.geometry import se2
+from factorloc.geometry import se2, wrap
 from factorloc.result import Bounds
 
 __all__ = ["WallBelief"]
@@ -89,8 +89,13 @@ class WallBelief:
         return replace(self, pose=se2.compose(self.pose, move), covariance=covariance)
 
     def at(self, pose: npt.ArrayLike) -> WallBelief:
-        """The same about another pose."""
-        return replace(self, pose=np.asarray(pose, np.float64))
+        """Held at another pose, as bounds ask for: uncertain by what it was off, too."""
+        place = np.asarray(pose, np.float64)
+        away = place - self.pose
+        away[2] = wrap(away[2])
+        covariance = self.covariance.copy()
+        covariance[:3, :3] += np.outer(away, away)
+        return replace(self, pose=place, covariance=covariance)
 
     def limited_to(self, buildings: Rows, facades: Rows) -> WallBelief:
         """Of some buildings and facades only; what is known of the pose and of them stays."""
