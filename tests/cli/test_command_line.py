@@ -15,6 +15,7 @@ from factorloc import Trajectory
 from factorloc.cli.app import app
 from factorloc.cli.selection import select_scans
 from factorloc.errors import ConfigError, FactorlocError
+from factorloc.mapping import grid
 from factorloc.simulation import office_plan, office_routes, simulate_drive, write_carmen
 
 
@@ -144,7 +145,11 @@ def test_bad_input_is_one_line_that_names_the_file(built: Path, logs: tuple[Path
     assert "run.json" in _failure("info", str(tmp_path))
 
 
-def test_a_grid_beyond_memory_is_refused_with_its_size(logs: tuple[Path, Path], tmp_path: Path) -> None:
+def test_a_grid_beyond_memory_is_refused_with_its_size(
+    logs: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Whatever the machine has: on a large one, such a grid would be made, and take all of it.
+    monkeypatch.setattr(grid, "_available_memory", lambda: 2**30)
     message = _failure("map", "build", str(logs[0]), "--resolution", "0.001", "-o", str(tmp_path / "fine.h5"))
     assert "GiB" in message
     assert not (tmp_path / "fine.h5").exists()
