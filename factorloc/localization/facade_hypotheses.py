@@ -73,17 +73,14 @@ class Hypothesis:
         Pose and errors of the map.
     score : float
         Log likelihood ratio of the lines of the scans so far.
-    guess : ndarray, shape (3,)
-        Where the search of the last scan began.
     prior : WallBelief or None
-        What it knew before the last scan.
+        What it knew before the last scan; the search began at its pose.
     estimate : BoundedEstimate or None
         What the last scan gave; None if it gave nothing.
     """
 
     belief: WallBelief
     score: float
-    guess: Array
     prior: WallBelief | None = None
     estimate: BoundedEstimate | None = None
 

@@ -69,7 +69,7 @@ class FacadeTracker:
         self.known, self.layers = start, as_layers(start)
         self.margin, self.begins = (0.0, 0.0), True
         begin = middle_of(start) if guess is None else np.asarray(guess, np.float64)
-        self.hypotheses = [Hypothesis(WallBelief.within_bounds(start, begin), 0.0, begin)]
+        self.hypotheses = [Hypothesis(WallBelief.within_bounds(start, begin), 0.0)]
 
     @property
     def belief(self) -> WallBelief:
@@ -140,8 +140,10 @@ class FacadeTracker:
         self.begins = False
         self.hypotheses = without_twins(updated, settings.hypotheses)
         first = self.hypotheses[0]
-        correspondences = _around(asked, parts, first.guess, feasible.piece)
-        return FacadeStep(correspondences, feasible, first.estimate, first.guess, first.prior)
+        assert first.prior is not None
+        begin = first.prior.pose
+        correspondences = _around(asked, parts, begin, feasible.piece)
+        return FacadeStep(correspondences, feasible, first.estimate, begin, first.prior)
 
     def _anywhere(
         self, points: FacadePoints, correspondences: Correspondences, feasible: FeasibleSet, score: float
@@ -150,7 +152,7 @@ class FacadeTracker:
         settings = self.settings
         found = list[Hypothesis]()
         for begin in places_in(feasible.bounds, settings.hypotheses.places):
-            fresh = Hypothesis(WallBelief.within_bounds(feasible.bounds, begin), score, begin)
+            fresh = Hypothesis(WallBelief.within_bounds(feasible.bounds, begin), score)
             new = self._updated(fresh, points, correspondences, feasible)[0]
             fits = evidence(correspondences.found, self.walls, new.belief, settings.least_squares)[0]
             found.append(replace(new, score=score + settings.hypotheses.novelty * fits))
@@ -167,7 +169,7 @@ class FacadeTracker:
             points, correspondences, self.walls, one.belief.pose, feasible.bounds,
             conflicts=feasible.conflicts, prior=one.belief, settings=settings.least_squares,
         )  # fmt: skip
-        return Hypothesis(estimate.belief, score, one.belief.pose, one.belief, estimate), against
+        return Hypothesis(estimate.belief, score, one.belief, estimate), against
 
     def _stay(self) -> None:
         """Hold beliefs within what is possible, and forget walls that are far."""

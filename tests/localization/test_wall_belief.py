@@ -154,7 +154,7 @@ def test_lines_are_expected_where_a_belief_has_them():
 def test_of_hypotheses_near_each_other_the_better_is_kept():
     def at(x, score):
         pose = np.array([x, 0.0, 0.0])
-        return Hypothesis(WallBelief.of_pose(pose, np.eye(3)), score, pose)
+        return Hypothesis(WallBelief.of_pose(pose, np.eye(3)), score)
 
     every = [at(0.0, 1.0), at(0.3, 5.0), at(4.0, 2.0), at(8.0, 0.0), at(12.0, -3.0)]
     kept = without_twins(every, HypothesisSettings(most=3))
@@ -181,7 +181,7 @@ def test_a_sure_and_wrong_belief_is_given_up_for_one_that_the_lines_speak_for():
     assert np.hypot(*(tracker.belief.pose - pose)[:2]) < 1.0
     # 4 m off in both directions of the streets, and sure of that to 5 cm.
     wrong = WallBelief.of_pose(pose + np.array([4.0, 4.0, 0.0]), np.diag([0.05, 0.05, 0.002]) ** 2)
-    tracker.hypotheses = [Hypothesis(wrong, 0.0, wrong.pose)]
+    tracker.hypotheses = [Hypothesis(wrong, 0.0)]
     away = []
     for _ in range(40):
         tracker.move(np.zeros(3), np.array([0.01, 0.01, 0.001]))
