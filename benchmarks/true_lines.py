@@ -52,7 +52,7 @@ def true_lines(scans: list[FacadePoints], poses: Array, settings: Correspondence
         if not usual.found:
             return usual
         true = are_true(usual.found, walls, poses[number[id(points)]])
-        sure = (replace(one, doubt=_SURE) for one, kept in zip(usual.found, true, strict=True) if kept)
+        sure = (replace(one, doubt=_SURE, core=None) for one, kept in zip(usual.found, true, strict=True) if kept)
         return replace(usual, found=tuple(sure))
 
     return find

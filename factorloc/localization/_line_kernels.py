@@ -10,7 +10,7 @@ from factorloc.intervals._sweep_kernels import sort_first
 from factorloc.intervals._trigonometric_kernels import cosine_sine_arrays
 from factorloc.localization._facade_kernels import gather
 
-PEAK = 13
+PEAK = 17
 """Numbers of a peak."""
 
 EDGE = 1e-12  # rad and m a unit of magnitude; bins overlap by far more than rounding moves their edges
@@ -19,7 +19,7 @@ EDGE = 1e-12  # rad and m a unit of magnitude; bins overlap by far more than rou
 @exact_kernel
 def extract_lines(
     points, lo, hi, mask, anchors, lengths, first_alpha, bins_alpha, step_alpha, first_d, bins_d, step_d, threshold,
-    apart, least_votes, out,
+    core_threshold, apart, least_votes, out,
 ):  # fmt: skip
     """Write the peak of every facade with enough points.
 
@@ -37,13 +37,14 @@ def extract_lines(
         Of the facades, m.
     first_alpha, bins_alpha, step_alpha, first_d, bins_d, step_d
         Cells of the accumulators: (K,) float, (K,) int64, float, likewise; rad and m.
-    threshold, apart : float, int
-        See ``find_peak``.
+    threshold, core_threshold, apart : float, float, int
+        See ``find_peak``; with the second, of the core of the peak.
     least_votes : int
         Facades with fewer points are passed over.
     out : (K, PEAK) float
         Written: votes (NaN if passed over), second peak, lower and upper alpha, lower and upper d, coverage, and the
-        5 %, 25 %, 50 %, 75 % and 95 % quantiles along the line of the supporters; and their number.
+        5 %, 25 %, 50 %, 75 % and 95 % quantiles along the line of the supporters; their number; and the
+        lower and upper alpha and d of the core.
     """
     most_a, most_d = 1, 1
     for k in range(lengths.size):
@@ -73,13 +74,21 @@ def extract_lines(
             step_d, starts, ends, counts,
         )  # fmt: skip
         flags = seen[: rows * columns].reshape(rows, columns)
+        find_peak(counts, core_threshold, apart, stack, flags, hull)
+        write_hull(hull, first_alpha[k], step_alpha, first_d[k], step_d, out[k, 13:17])
         out[k, 0], out[k, 1] = find_peak(counts, threshold, apart, stack, flags, hull)
-        for side in range(2):
-            alpha, d = first_alpha[k] + hull[side] * step_alpha, first_d[k] + hull[2 + side] * step_d
-            sign = 2.0 * side - 1.0
-            out[k, 2 + side] = alpha + sign * EDGE * (1.0 + abs(alpha))
-            out[k, 4 + side] = d + sign * EDGE * (1.0 + abs(d))
+        write_hull(hull, first_alpha[k], step_alpha, first_d[k], step_d, out[k, 2:6])
         support(points, mask[k], anchors[k], lengths[k], out[k], along)
+
+
+@exact_kernel(allocates=False)
+def write_hull(hull, first_alpha, step_alpha, first_d, step_d, out):
+    """Write lower and upper alpha, lower and upper d of the bins of a hull."""
+    for side in range(2):
+        alpha, d = first_alpha + hull[side] * step_alpha, first_d + hull[2 + side] * step_d
+        sign = 2.0 * side - 1.0
+        out[side] = alpha + sign * EDGE * (1.0 + abs(alpha))
+        out[2 + side] = d + sign * EDGE * (1.0 + abs(d))
 
 
 @exact_kernel

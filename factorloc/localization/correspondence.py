@@ -39,6 +39,10 @@ class Correspondence:
         Where most of them (90 %) begin and end, likewise, m.
     doubt : float
         Probability that it is false: that the line of the facade is not in the hull, or is that of another wall.
+    core : (Interval, Interval) or None
+        Alpha and d of the core of the hull, where the line more often is; None if none is known.
+    core_doubt : float
+        Probability that the line is in the hull but not in its core.
     """
 
     facade: int
@@ -51,6 +55,8 @@ class Correspondence:
     middle: tuple[float, float]
     extent: tuple[float, float]
     doubt: float
+    core: tuple[Interval, Interval] | None = None
+    core_doubt: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -58,6 +58,11 @@ class CorrespondenceSettings(Block):
     spare_turn : float
         The hull of directions is widened by it to either side, rad: points of a neighbour's wall with another setback
         tilt a line.
+    core_threshold, core_turn : float, float
+        The same two of the core of a hull: a line is more often there than in the rest.
+    core_doubt : float
+        Probability that a line is in its hull but not in the core. On simulated streets 6 to 9 % are; more is assumed,
+        as lines of one scan do not err independently.
     doubt : DoubtSettings
         How doubtful a line is.
     most_doubt : float
@@ -76,6 +81,9 @@ class CorrespondenceSettings(Block):
     most_turn: float = Field(math.radians(12.0), gt=0)
     most_offset: float = Field(5.0, gt=0)
     spare_turn: float = Field(math.radians(0.7), ge=0)
+    core_threshold: float = Field(0.97, gt=0, lt=1)
+    core_turn: float = Field(math.radians(0.2), ge=0)
+    core_doubt: float = Field(0.15, gt=0, lt=0.5)
     doubt: DoubtSettings = DoubtSettings()
     most_doubt: float = Field(0.45, gt=0, lt=0.5)
     alpha_step: float = Field(math.radians(0.25), gt=0)
@@ -126,7 +134,8 @@ def find_correspondences(
     extract_lines(
         points.points, points.boxes.lo, points.boxes.hi, associated, cells.anchors, walls.facades.lengths[rows],
         cells.first_alpha, cells.bins_alpha, settings.alpha_step, cells.first_d, cells.bins_d, settings.d_step,
-        settings.threshold, math.ceil(settings.apart / settings.d_step), settings.least_votes, peaks,
+        settings.threshold, settings.core_threshold, math.ceil(settings.apart / settings.d_step),
+        settings.least_votes, peaks,
     )  # fmt: skip
     errors = walls.vertex_d[rows] + walls.shift_d[rows]
     windows = np.asarray(cells.bins_d * settings.d_step, np.float64)
@@ -134,16 +143,23 @@ def find_correspondences(
     reasons = _why_not(peaks, doubt, settings)
     for reason in rejected:
         rejected[reason] += reasons.count(reason)
-    spare = settings.spare_turn
     found = tuple(
-        Correspondence(
-            int(rows[k]), cells.anchors[k], Interval(peaks[k, 2] - spare, peaks[k, 3] + spare),
-            Interval(*peaks[k, 4:6]), int(peaks[k, 0]), float(peaks[k, 1] / peaks[k, 0]), float(peaks[k, 6]),
-            (float(peaks[k, 8]), float(peaks[k, 10])), (float(peaks[k, 7]), float(peaks[k, 11])), float(doubt[k]),
-        )
-        for k in range(len(rows)) if not reasons[k]
-    )  # fmt: skip
+        _line(int(rows[k]), cells.anchors[k], peaks[k], float(doubt[k]), settings)
+        for k in range(len(rows))
+        if not reasons[k]
+    )
     return Correspondences(found, rows, associated, rejected)
+
+
+def _line(row: int, anchor: Array, peak: Array, doubt: float, settings: CorrespondenceSettings) -> Correspondence:
+    """Correspondence of a peak, as ``extract_lines`` writes it."""
+    spare, core_spare = settings.spare_turn, settings.core_turn
+    core = Interval(peak[13] - core_spare, peak[14] + core_spare), Interval(*peak[15:17])
+    return Correspondence(
+        row, anchor, Interval(peak[2] - spare, peak[3] + spare), Interval(*peak[4:6]), int(peak[0]),
+        float(peak[1] / peak[0]), float(peak[6]), (float(peak[8]), float(peak[10])), (float(peak[7]), float(peak[11])),
+        doubt, core, settings.core_doubt,
+    )  # fmt: skip
 
 
 def _why_not(peaks: Array, doubt: Array, settings: CorrespondenceSettings) -> list[str]:

@@ -20,7 +20,7 @@ from factorloc.localization.wall_lines import WallLines
 from factorloc.mapping.facade_points import FacadePoints
 from factorloc.result import Bounds
 
-__all__ = ["FacadeStep", "localize_scan", "middle_of", "places_in"]
+__all__ = ["FacadeStep", "localize_scan", "middle_of"]
 
 Array = npt.NDArray[np.float64]
 
@@ -97,12 +97,3 @@ def middle_of(bounds: Bounds) -> Array:
     """Pose in the middle of a feasible set: of its largest polygon, and of the headings."""
     polygon = max(bounds.polygons, key=lambda corners: float(np.ptp(corners, axis=0).prod()))
     return np.array([*polygon.mean(0), 0.5 * (bounds.orientation[0] + bounds.orientation[1])])
-
-
-def places_in(bounds: Bounds, number: int) -> list[Array]:
-    """Poses spread over a feasible set: its middle, and so many along either side of the rectangle around it."""
-    low, high = np.concatenate(bounds.polygons).min(0), np.concatenate(bounds.polygons).max(0)
-    heading = 0.5 * (bounds.orientation[0] + bounds.orientation[1])
-    shares = (np.arange(number) + 0.5) / number
-    grid = [np.array([*(low + (high - low) * [x, y]), heading]) for x in shares for y in shares]
-    return [middle_of(bounds), *(pose for pose in grid if bounds.contains(pose))]

@@ -10,6 +10,7 @@ from factorloc.config import Block
 from factorloc.localization.bounded_motion import OdometryBounds
 from factorloc.localization.correspondences import CorrespondenceSettings
 from factorloc.localization.facade_hypotheses import HypothesisSettings
+from factorloc.localization.facade_places import PlaceSettings
 from factorloc.localization.feasible_settings import FeasibleSettings
 from factorloc.localization.least_squares_settings import LeastSquaresSettings
 from factorloc.mapping.facade_points import ReductionSettings, ScanErrors
@@ -32,6 +33,8 @@ class FacadeSettings(Block):
         Greatest errors of motions.
     hypotheses : HypothesisSettings
         Which beliefs of a drive are kept.
+    places : PlaceSettings
+        How other places are looked for.
     margin_position, margin_heading : float
         A tracked set is widened by so much before facades are associated (m, rad): lines at its border are to be seen
         whole. The result is intersected with the set itself.
@@ -55,6 +58,7 @@ class FacadeSettings(Block):
     least_squares: LeastSquaresSettings = LeastSquaresSettings()
     odometry: OdometryBounds = OdometryBounds()
     hypotheses: HypothesisSettings = HypothesisSettings()
+    places: PlaceSettings = PlaceSettings()
     margin_position: float = Field(0.5, ge=0)
     margin_heading: float = Field(math.radians(0.5), ge=0)
     forgetting_position: float = Field(0.05, ge=0)

@@ -119,9 +119,17 @@ class Strips:
             np.concatenate([self.frame.turn(self.tangent), low[..., None], high[..., None]], -1)
         )
 
-    def of_buildings(self, walls: WallLines) -> tuple[npt.NDArray[np.int64], Array]:
-        """Pairs of walls of a building that meet at an angle, and the box that each leaves, as two strips."""
-        pairs = _pairs(walls, self.facades)
+    def of_buildings(self, walls: WallLines, count: int) -> tuple[npt.NDArray[np.int64], Array]:
+        """Pairs of walls of a building that meet at an angle, and the box that each leaves, as two strips.
+
+        Parameters
+        ----------
+        walls : WallLines
+            The map.
+        count : int
+            Only the first so many correspondences are paired.
+        """
+        pairs = _pairs(walls, self.facades[:count])
         slices = len(self.low)
         boxes = np.empty((slices, len(pairs), 2, 4))
         for p, (i, j) in enumerate(pairs):

@@ -13,8 +13,9 @@ from factorloc.localization.bounded_least_squares import estimate_in_bounds
 from factorloc.localization.bounded_motion import propagate, widen
 from factorloc.localization.correspondence import Correspondences
 from factorloc.localization.correspondences import find_correspondences
-from factorloc.localization.facade_hypotheses import Hypothesis, chosen, evidence, without_twins
-from factorloc.localization.facade_scan import FacadeStep, middle_of, places_in
+from factorloc.localization.facade_hypotheses import Hypothesis, chosen, poses_of, weighed, without_twins
+from factorloc.localization.facade_places import FacadePlaces
+from factorloc.localization.facade_scan import FacadeStep, middle_of
 from factorloc.localization.facade_settings import FacadeSettings
 from factorloc.localization.feasible_layers import Layer, as_layers, hull_of_layers
 from factorloc.localization.feasible_set import FeasibleSet, intersect_pieces
@@ -67,7 +68,8 @@ class FacadeTracker:
         self.walls, self.settings = walls, settings
         self.find = find or partial(find_correspondences, settings=settings.correspondences)
         self.known, self.layers = start, as_layers(start)
-        self.margin, self.begins = (0.0, 0.0), True
+        self.places = FacadePlaces(walls, settings.places, settings.least_squares)
+        self.margin, self.scans = (0.0, 0.0), 0
         begin = middle_of(start) if guess is None else np.asarray(guess, np.float64)
         self.hypotheses = [Hypothesis(WallBelief.within_bounds(start, begin), 0.0)]
 
@@ -125,51 +127,56 @@ class FacadeTracker:
         parts: Sequence[tuple[Layer, ...]],
         feasible: FeasibleSet,
     ) -> FacadeStep:
-        settings = self.settings
-        updated, against = list[Hypothesis](), list[float]()
-        for one in self.hypotheses:
-            new, contrary = self._updated(one, points, _around(asked, parts, one.belief.pose, feasible.piece), feasible)
-            updated.append(new)
-            against.append(contrary)
-        best = max(range(len(updated)), key=lambda k: updated[k].score)
-        if self.begins:
-            updated += self._anywhere(points, asked[feasible.piece], feasible, 0.0)
-        elif against[best] > settings.hypotheses.doubtful:
-            score = self.hypotheses[best].score - settings.hypotheses.handicap
-            updated += self._anywhere(points, asked[feasible.piece], feasible, score)[:1]
-        self.begins = False
-        self.hypotheses = without_twins(updated, settings.hypotheses)
+        updated = [
+            self._updated(one, points, _around(asked, parts, one.belief.pose, feasible.piece), feasible)
+            for one in self.hypotheses
+        ]
+        begun = self._elsewhere(points, updated, feasible)
+        updated += [self._updated(one, points, asked[feasible.piece], feasible) for one in begun]
+        self.scans += 1
+        self.hypotheses = without_twins(weighed(updated, self.settings.hypotheses), self.settings.hypotheses)
         first = self.hypotheses[0]
         assert first.prior is not None
         begin = first.prior.pose
         correspondences = _around(asked, parts, begin, feasible.piece)
         return FacadeStep(correspondences, feasible, first.estimate, begin, first.prior)
 
-    def _anywhere(
-        self, points: FacadePoints, correspondences: Correspondences, feasible: FeasibleSet, score: float
+    def _elsewhere(
+        self, points: FacadePoints, updated: Sequence[Hypothesis], feasible: FeasibleSet
     ) -> list[Hypothesis]:
-        """Hypotheses that begin anywhere in a feasible set, by how well they fit the scan in the end."""
-        settings = self.settings
-        found = list[Hypothesis]()
-        for begin in places_in(feasible.bounds, settings.hypotheses.places):
-            fresh = Hypothesis(WallBelief.within_bounds(feasible.bounds, begin), score)
-            new = self._updated(fresh, points, correspondences, feasible)[0]
-            fits = evidence(correspondences.found, self.walls, new.belief, settings.least_squares)[0]
-            found.append(replace(new, score=score + settings.hypotheses.novelty * fits))
-        return sorted(found, key=lambda one: -one.score)
+        """Hypotheses that begin at other places of a feasible set: at first the best, later one that fits far better.
+
+        Parameters
+        ----------
+        points : FacadePoints
+            The scan.
+        updated : sequence of Hypothesis
+            Those there are, after it.
+        feasible : FeasibleSet
+            What it leaves.
+        """
+        settings = self.settings.hypotheses
+        if self.scans == 0:
+            places = self.places.best(points, feasible.bounds, settings.most)
+            return [Hypothesis.at_place(place, 0.0, settings) for place in places]
+        believed = max(range(len(updated)), key=lambda k: updated[k].score)
+        place = self.places.best(points, feasible.bounds, 1)
+        if self.places.scores(points, place)[0] <= updated[believed].fit + settings.doubtful:
+            return []
+        handicap = settings.handicap * min(self.scans / settings.settled, 1.0)
+        return [Hypothesis.at_place(place[0], updated[believed].score - handicap, settings)]
 
     def _updated(
         self, one: Hypothesis, points: FacadePoints, correspondences: Correspondences, feasible: FeasibleSet
-    ) -> tuple[Hypothesis, float]:
-        """A hypothesis after a scan, and the weight of the lines against it."""
+    ) -> Hypothesis:
+        """A hypothesis after a scan, with its fit."""
         settings = self.settings
-        gain, against = evidence(correspondences.found, self.walls, one.belief, settings.least_squares)
-        score = settings.hypotheses.memory * one.score + settings.hypotheses.novelty * gain
         estimate = estimate_in_bounds(
             points, correspondences, self.walls, one.belief.pose, feasible.bounds,
             conflicts=feasible.conflicts, prior=one.belief, settings=settings.least_squares,
         )  # fmt: skip
-        return Hypothesis(estimate.belief, score, one.belief, estimate), against
+        fit = self.places.scores(points, poses_of(estimate.belief, settings.hypotheses.around)).max()
+        return Hypothesis(estimate.belief, one.score, one.belief, estimate, float(fit))
 
     def _stay(self) -> None:
         """Hold beliefs within what is possible, and forget walls that are far."""

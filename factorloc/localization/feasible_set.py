@@ -11,8 +11,9 @@ second strip. The ends of the facade itself would be too tight, as supporters ar
 the first and the last supporter.
 
 Some correspondences are false. Each has a doubt p, and weighs ``log((1 - p) / p)``: if they are false independently of
-each other, a pose at which the false ones are exactly those that fail has odds of ``exp(-weight of those)``. The set is
-made of the poses of least such weight, as many as hold all but a small part of these odds together.
+each other, a pose at which the false ones are exactly those that fail has odds of ``exp(-weight of those)``. A line in
+its hull but not in the core of it costs a part of its weight. The set is made of the poses of least such weight, as
+many as hold all but a small part of these odds together.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ import numpy as np
 from factorloc.localization.correspondence import Correspondence
 from factorloc.localization.feasible_layers import Layer, as_layers, hull_of_layers
 from factorloc.localization.feasible_settings import FeasibleSettings
-from factorloc.localization.line_weights import PARTS, likely_depth, surprising_weight
+from factorloc.localization.line_weights import PARTS, likely_depth, surprising_weight, weights_of
 from factorloc.localization.pose_cells import PoseCells
 from factorloc.localization.wall_lines import WallLines
 from factorloc.result import Bounds
@@ -130,10 +131,10 @@ def intersect_pieces(
     best = max(one.best for one in cells)
     lead = next(k for k, one in enumerate(cells) if one.best == best)
     first = cells[lead]
-    if first.failing > surprising_weight(first.weights, first.doubts, settings.surprise):
-        return FeasibleSet(
-            Bounds(hull_of_layers(every).orientation, ()), (), first.conflicts(), len(first.facades), lead
-        )
+    lines = first.lines
+    if first.failing > surprising_weight(weights_of(lines.doubts), lines.doubts, settings.surprise):
+        nowhere = Bounds(hull_of_layers(every).orientation, ())
+        return FeasibleSet(nowhere, (), first.conflicts(), len(lines.facades), lead)
     level = best - likely_depth([one.odds(best) for one in cells], settings.confidence)
     kept = [bounds for one in cells if (bounds := one.bounds_above(level)) is not None]
     headings = np.array([one.orientation for one in kept])
@@ -145,4 +146,4 @@ def intersect_pieces(
         Layer(cost, tuple(part for one in cells for part in one.slices_above(least)))
         for cost, least in zip(costs, levels, strict=False)
     )
-    return FeasibleSet(bounds, layers, first.conflicts(), len(first.facades), lead)
+    return FeasibleSet(bounds, layers, first.conflicts(), len(lines.facades), lead)

@@ -16,7 +16,8 @@ from factorloc.localization.correspondence import Correspondence
 from factorloc.localization.facade_strips import SLACK, Frame, Strips
 from factorloc.localization.feasible_layers import Layer, hull_of_layers, hull_of_points, without_twins
 from factorloc.localization.feasible_settings import FeasibleSettings
-from factorloc.localization.line_weights import PARTS, Weights, weights_of
+from factorloc.localization.line_groups import LineGroups
+from factorloc.localization.line_weights import PARTS, weights_of
 from factorloc.localization.wall_lines import WallLines
 from factorloc.result import Bounds
 
@@ -58,13 +59,10 @@ class PoseCells:
         whole = hull_of_layers(layers)
         corners = whole.polygons[0]
         middle = 0.5 * (corners.min(0) + corners.max(0))
-        found = tuple(sorted(found, key=lambda one: (one.facade, one.doubt)))
-        rows = np.array([one.facade for one in found], np.int64)
-        self.facades, begin = np.unique(rows, return_index=True)
-        self.groups = np.append(begin, len(rows)).astype(np.int64)
+        self.lines = LineGroups.of(found)
         axis = np.array([1.0, 0.0])
         if found:
-            axis = walls.along[rows[np.argmax([one.votes for one in found])]]
+            axis = walls.along[max(self.lines.lines[: self.lines.count], key=lambda one: one.votes).facade]
         self.frame = Frame(middle, axis)
         local = self.frame.into(corners)
         low, high = local.min(0) - SLACK, local.max(0) + SLACK
@@ -72,26 +70,29 @@ class PoseCells:
         self.shape = np.maximum(np.ceil((high - low) / self.step).astype(np.int64), 1)
         slices = max(math.ceil((whole.orientation[1] - whole.orientation[0]) / settings.slice), 1)
         self.edges = np.linspace(whole.orientation[0], whole.orientation[1], slices + 1)
-        self.doubts = np.array([found[k].doubt for k in begin])
-        self.weights: Weights = weights_of(self.doubts)
         self.satisfied = np.zeros((slices, self.shape[1], self.shape[0]), np.int32)
         if found:
-            strips = Strips(found, walls, self.frame, self.edges, float(np.hypot(*(0.5 * (high - low)))))
-            self.across = strips.along_walls(walls, settings.orthogonal == "chain")
-            self.normal = strips.widened(strips.shift)
-            pairs, boxes = strips.of_buildings(walls)
-            room = np.empty(len(found), np.int64), np.empty(len(found), np.int64), np.empty(self.shape[0] + 1, np.int32)
-            owner = np.searchsorted(self.facades, rows[pairs])
-            alone = (np.diff(self.groups)[owner] == 1).all(1) if len(pairs) else np.empty(0, np.bool_)
-            weigh_satisfied(
-                self.normal, self.across, np.ascontiguousarray(boxes[:, alone]),
-                np.concatenate([pairs, owner], 1)[alone], self.groups, self.weights, low[0], low[1], self.step, *room,
-                self.satisfied,
-            )  # fmt: skip
+            self._weigh(walls, settings, float(np.hypot(*(0.5 * (high - low)))))
         self.sums = np.full(self.satisfied.shape, _IMPOSSIBLE, np.int32)
         for layer, cost in reversed(list(zip(self.layers, self.costs, strict=True))):
             met = self._met_by(layer.slices)
             self.sums[met] = self.satisfied[met] - cost
+
+    def _weigh(self, walls: WallLines, settings: FeasibleSettings, radius: float) -> None:
+        """Strips of all lines and cores, and the weight that every cell satisfies."""
+        lines = self.lines
+        strips = Strips(lines.lines, walls, self.frame, self.edges, radius)
+        self.across = strips.along_walls(walls, settings.orthogonal == "chain")
+        self.normal = strips.widened(strips.shift)
+        pairs, boxes = strips.of_buildings(walls, lines.count)
+        owner = np.searchsorted(lines.facades, lines.sources[pairs])
+        # Which of several lines of a facade a box is of, no cell could tell.
+        alone = (np.diff(lines.groups)[owner] == 1).all(1) if len(pairs) else np.empty(0, np.bool_)
+        room = np.empty((2, len(lines.lines)), np.int64), np.empty(self.shape[0] + 1, np.int32)
+        weigh_satisfied(
+            self.normal, self.across, np.ascontiguousarray(boxes[:, alone]), np.concatenate([pairs, owner], 1)[alone],
+            lines.groups, lines.weights, self.low[0], self.low[1], self.step, *room[0], room[1], self.satisfied,
+        )  # fmt: skip
 
     @property
     def best(self) -> int:
@@ -100,8 +101,8 @@ class PoseCells:
 
     @property
     def failing(self) -> int:
-        """Weight of the facades whose correspondences do not hold where the sum is largest."""
-        return int(self.weights.sum()) - int(self.satisfied.ravel()[np.argmax(self.sums)])
+        """Weight of the facades whose lines do not hold where the sum is largest, as if they had no cores."""
+        return int(weights_of(self.lines.doubts)[np.isin(self.lines.facades, self.conflicts())].sum())
 
     def odds(self, best: int) -> Array:
         """Volumes of the cells (m^2 rad) by how far their sums are below the best of all pieces."""
@@ -149,17 +150,18 @@ class PoseCells:
 
     def conflicts(self) -> tuple[int, ...]:
         """Facades whose strips do not meet the best cell."""
-        if self.failing == 0:
+        lines = self.lines
+        if not lines.count:
             return ()
         j, y, x = np.unravel_index(int(np.argmax(self.sums)), self.sums.shape)
         centre = self.low + self.step * (np.array([x, y]) + 0.5)
-        fails = np.zeros(int(self.groups[-1]), np.bool_)
-        for limits in (self.normal[j], self.across[j]):
-            value = limits[:, :2] @ centre
-            radius = 0.5 * self.step * np.abs(limits[:, :2]).sum(1)
-            fails |= (limits[:, 2] > limits[:, 3]) | (value - radius > limits[:, 3]) | (value + radius < limits[:, 2])
-        whole = np.logical_and.reduceat(fails, self.groups[:-1])
-        return tuple(int(facade) for facade in self.facades[whole])
+        fails = np.zeros(lines.count, np.bool_)
+        for strips in (self.normal[j, : lines.count], self.across[j, : lines.count]):
+            value = strips[:, :2] @ centre
+            radius = 0.5 * self.step * np.abs(strips[:, :2]).sum(1)
+            fails |= (strips[:, 2] > strips[:, 3]) | (value - radius > strips[:, 3]) | (value + radius < strips[:, 2])
+        whole = np.logical_and.reduceat(fails, lines.groups[: len(lines.facades)])
+        return tuple(int(facade) for facade in lines.facades[whole])
 
     def _met_by(self, given: Sequence[Bounds]) -> npt.NDArray[np.bool_]:
         """Cells that meet a polygon of some slices, whose headings meet those of the cells; shape (J, Y, X)."""
