@@ -1,4 +1,4 @@
-"""Beliefs among facades: motions, errors of the map that all scans share, and which of several is believed."""
+"""Beliefs among facades: motions, and errors of the map that all scans share."""
 
 import numpy as np
 import pytest
@@ -11,10 +11,6 @@ from factorloc.factors import PosePrior
 from factorloc.geometry import se2
 from factorloc.localization.bounded_least_squares import estimate_in_bounds
 from factorloc.localization.correspondences import find_correspondences
-from factorloc.localization.facade_hypotheses import Hypothesis, HypothesisSettings, chosen, evidence, without_twins
-from factorloc.localization.facade_scan import places_in
-from factorloc.localization.facade_settings import FacadeSettings
-from factorloc.localization.facade_tracker import FacadeTracker
 from factorloc.localization.least_squares_settings import LeastSquaresSettings
 from factorloc.localization.line_gate import line_residuals, lines_expected
 from factorloc.localization.wall_belief import WallBelief
@@ -141,54 +137,3 @@ def test_lines_are_expected_where_a_belief_has_them():
     wrong = WallBelief.of_pose(pose + np.array([30.0, 0.0, 0.0]), np.diag([0.05, 0.05, 0.005]) ** 2)
     across = np.array([abs(walls.normals[one.facade][0]) > 0.9 for one in found])
     assert not lines_expected(found, walls, wrong, settings)[across].any()
-    told, against = evidence(found, walls, sure, settings)
-    missed, contrary = evidence(found, walls, wrong, settings)
-    assert told > missed
-    assert against == 0.0 < contrary
-    # Who foretells more is believed more.
-    vague = WallBelief.of_pose(pose, np.diag([5.0, 5.0, 0.1]) ** 2)
-    assert told > evidence(found, walls, vague, settings)[0] > missed
-    assert evidence((), walls, sure, settings) == (0.0, 0.0)
-
-
-def test_of_hypotheses_near_each_other_the_better_is_kept():
-    def at(x, score):
-        pose = np.array([x, 0.0, 0.0])
-        return Hypothesis(WallBelief.of_pose(pose, np.eye(3)), score)
-
-    every = [at(0.0, 1.0), at(0.3, 5.0), at(4.0, 2.0), at(8.0, 0.0), at(12.0, -3.0)]
-    kept = without_twins(every, HypothesisSettings(most=3))
-    assert [one.score for one in kept] == [5.0, 2.0, 0.0]
-    assert chosen(kept).score == 5.0
-
-
-def test_places_are_in_the_set_and_spread_over_it():
-    bounds = Bounds((0.0, 0.2), (np.array([[0.0, 0.0], [9.0, 0.0], [0.0, 6.0]]),))
-    places = np.array(places_in(bounds, 3))
-    assert all(bounds.contains(place) for place in places)
-    assert len(places) == 1 + 6
-    assert np.ptp(places[:, 0]) == pytest.approx(6.0)
-    np.testing.assert_allclose(places[:, 2], 0.1)
-
-
-def test_a_sure_and_wrong_belief_is_given_up_for_one_that_the_lines_speak_for():
-    rng = np.random.default_rng(11)
-    facades, true = crossing(rng)
-    walls, pose = WallLines(facades), np.array([0.3, -0.2, 0.1])
-    tracker = FacadeTracker(walls, Bounds.around(pose, 5.0, np.radians(4.0)), None, FacadeSettings())
-    tracker.localize(points_on(true, facing(walls, pose), pose, rng)[0])
-    assert 1 <= len(tracker.hypotheses) <= 4
-    assert np.hypot(*(tracker.belief.pose - pose)[:2]) < 1.0
-    # 4 m off in both directions of the streets, and sure of that to 5 cm.
-    wrong = WallBelief.of_pose(pose + np.array([4.0, 4.0, 0.0]), np.diag([0.05, 0.05, 0.002]) ** 2)
-    tracker.hypotheses = [Hypothesis(wrong, 0.0)]
-    away = []
-    for _ in range(40):
-        tracker.move(np.zeros(3), np.array([0.01, 0.01, 0.001]))
-        step = tracker.localize(points_on(true, facing(walls, pose), pose, rng)[0])
-        assert step.feasible.bounds.contains(step.estimate.pose)
-        assert tracker.known.contains(tracker.belief.pose)
-        assert len(tracker.hypotheses) <= 4
-        away.append(np.hypot(*(tracker.belief.pose - pose)[:2]))
-    assert away[0] > 0.5
-    assert away[-1] < SHIFT
