@@ -38,6 +38,8 @@ class PlaceSettings(Block):
         About so many points of a scan are looked up.
     step_position, step_heading : float
         Grid of poses in a set, m and rad; walls are looked up no more sharply than the step.
+    most_poses : int
+        In a set that has more poses, the grid is wider.
     apart : float
         Places are at least so far from each other, m.
     hit, random : float
@@ -51,6 +53,7 @@ class PlaceSettings(Block):
     points: int = Field(200, gt=0)
     step_position: float = Field(0.5, gt=0)
     step_heading: float = Field(math.radians(1.0), gt=0)
+    most_poses: int = Field(50_000, gt=0)
     apart: float = Field(1.5, gt=0)
     hit: float = Field(0.9, gt=0)
     random: float = Field(0.1, gt=0)
@@ -106,9 +109,11 @@ class FacadePlaces:
             Places.
         """
         settings = self.settings
-        spots = _spots(bounds, settings.step_position)
         low, high = bounds.orientation
         turns = max(math.ceil((high - low) / settings.step_heading), 1)
+        sides = np.ptp(np.concatenate(bounds.polygons), axis=0)
+        least = math.sqrt(float(sides.prod()) * turns / settings.most_poses)
+        spots = _spots(bounds, max(settings.step_position, least))
         headings = low + (np.arange(turns) + 0.5) * (high - low) / turns
         poses = np.concatenate([np.repeat(spots, turns, 0), np.tile(headings, len(spots))[:, None]], 1)
         scores = self.scores(points, poses).reshape(len(spots), turns)

@@ -127,12 +127,12 @@ class FacadeTracker:
         parts: Sequence[tuple[Layer, ...]],
         feasible: FeasibleSet,
     ) -> FacadeStep:
-        updated = [
-            self._updated(one, points, _around(asked, parts, one.belief.pose, feasible.piece), feasible)
-            for one in self.hypotheses
-        ]
-        begun = self._elsewhere(points, updated, feasible)
-        updated += [self._updated(one, points, asked[feasible.piece], feasible) for one in begun]
+        def update(one: Hypothesis) -> Hypothesis:
+            found = _around(asked, parts, one.belief.pose, feasible.piece)
+            return self._updated(one, points, found, feasible)
+
+        updated = [update(one) for one in self.hypotheses]
+        updated += [update(one) for one in self._elsewhere(points, updated, feasible)]
         self.scans += 1
         self.hypotheses = without_twins(weighed(updated, self.settings.hypotheses), self.settings.hypotheses)
         first = self.hypotheses[0]

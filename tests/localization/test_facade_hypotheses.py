@@ -92,6 +92,16 @@ def test_points_tell_the_place(scene):
     assert (np.diff(places.scores(points, best)) <= 0).all()
 
 
+def test_a_wide_set_is_searched_on_a_wider_grid(scene, monkeypatch):
+    walls, _, points = scene
+    places, asked = places_of(walls, most_poses=500), []
+    usual = places.scores
+    monkeypatch.setattr(places, "scores", lambda points, poses: asked.append(len(poses)) or usual(points, poses))
+    best = places.best(points, Bounds.around(POSE, 20.0, np.radians(10.0)), 2)
+    assert 300 < asked[0] < 700
+    assert len(best) == 2
+
+
 def test_likelihood_is_that_of_the_nearest_wall(scene):
     """Against distances to all segments, point by point; cells of the field are 0.2 m."""
     walls, _, points = scene
