@@ -50,6 +50,11 @@ class HypothesisSettings(Block):
         Standard deviations that a place begins with, m and rad.
     around : float
         A belief fits as well as the best of the poses so many standard deviations around it.
+    contradicted : float
+        A feasible set that is farther from the best belief, in standard deviations, violates the assumptions unless
+        some place in it fits far better.
+    most_contradictions : int
+        So many scans in a row; then the sets are believed.
     twins_position, twins_heading : float
         Beliefs nearer than that are one, m and rad.
     """
@@ -64,6 +69,8 @@ class HypothesisSettings(Block):
     spread_position: float = Field(0.5, gt=0)
     spread_heading: float = Field(math.radians(1.0), gt=0)
     around: float = Field(1.5, ge=0)
+    contradicted: float = Field(5.0, gt=0)
+    most_contradictions: int = Field(2, ge=0)
     twins_position: float = Field(0.5, ge=0)
     twins_heading: float = Field(math.radians(1.0), ge=0)
 

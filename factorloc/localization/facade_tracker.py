@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
+from factorloc.geometry import wrap
 from factorloc.localization.bounded_least_squares import estimate_in_bounds
 from factorloc.localization.bounded_motion import propagate, widen
 from factorloc.localization.correspondence import Correspondences
@@ -69,7 +70,7 @@ class FacadeTracker:
         self.find = find or partial(find_correspondences, settings=settings.correspondences)
         self.known, self.layers = start, as_layers(start)
         self.places = FacadePlaces(walls, settings.places, settings.least_squares)
-        self.margin, self.scans = (0.0, 0.0), 0
+        self.margin, self.scans, self.contradictions = (0.0, 0.0), 0, 0
         begin = middle_of(start) if guess is None else np.asarray(guess, np.float64)
         self.hypotheses = [Hypothesis(WallBelief.within_bounds(start, begin), 0.0)]
 
@@ -108,6 +109,8 @@ class FacadeTracker:
             feasible = intersect_pieces(pieces, self.walls, settings.feasible)
         else:
             feasible = FeasibleSet(self.known, self.layers, (), 0)
+        if not feasible.violated and self._contradicts(points, feasible.bounds):
+            feasible = replace(feasible, bounds=replace(feasible.bounds, polygons=()), layers=())
         if feasible.violated:
             self.layers = _changed(
                 self.layers, partial(widen, position=settings.recovery_position, heading=settings.recovery_heading)
@@ -119,6 +122,24 @@ class FacadeTracker:
             step = self._estimate(points, asked, parts, feasible)
         self._stay()
         return step
+
+    def _contradicts(self, points: FacadePoints, bounds: Bounds) -> bool:
+        """Whether a set leaves out what all scans before spoke for, and no place of it fits this one far better.
+
+        Houses of a row look alike: now and then most lines of one scan are those of the next house. Sets that go on to
+        contradict are right.
+        """
+        settings = self.settings.hypotheses
+        belief = self.belief
+        away = bounds.nearest(belief.pose) - belief.pose
+        away[2] = wrap(away[2])
+        sigmas = float(away @ np.linalg.solve(belief.covariance[:3, :3], away)) ** 0.5
+        self.contradictions = self.contradictions + 1 if sigmas > settings.contradicted else 0
+        if not 0 < self.contradictions <= settings.most_contradictions or self.scans < settings.settled:
+            return False
+        fit = self.places.scores(points, poses_of(belief, settings.around)).max()
+        place = self.places.best(points, bounds, 1)
+        return bool(self.places.scores(points, place)[0] <= fit + settings.doubtful)
 
     def _estimate(
         self,
