@@ -19,6 +19,7 @@ from factorloc.localization.facade_hypotheses import (
 from factorloc.localization.facade_places import FacadePlaces, PlaceSettings
 from factorloc.localization.facade_settings import FacadeSettings
 from factorloc.localization.facade_tracker import FacadeTracker
+from factorloc.localization.feasible_layers import Layer
 from factorloc.localization.least_squares_settings import LeastSquaresSettings
 from factorloc.localization.wall_belief import WallBelief
 from factorloc.localization.wall_lines import WallLines
@@ -175,3 +176,37 @@ def test_a_drive_begins_where_its_points_fit_though_it_was_told_another_place(sc
     tracker = FacadeTracker(walls, start, POSE + np.array([4.5, -4.5, 0.0]), FacadeSettings())
     tracker.localize(points)
     assert np.hypot(*(tracker.belief.pose - POSE)[:2]) < 1.0
+
+
+def test_a_set_that_leaves_out_a_settled_belief_is_not_trusted_at_once(scene):
+    """One scan, and a second, whose set is elsewhere: assumptions violated, sets widened; the third one is believed."""
+    walls, _, points = scene
+    away = np.array([0.8, 0.0, 0.0])
+    tracker = FacadeTracker(walls, Bounds.around(POSE, 2.0, np.radians(3.0)), None, FacadeSettings())
+    sure = WallBelief.of_pose(POSE + away, np.diag([0.05, 0.05, 0.005]) ** 2)
+
+    def scanned(scans):
+        tracker.scans, tracker.hypotheses = scans, [Hypothesis(sure, 0.0)]
+        tracker.layers = (Layer(0.0, (Bounds.around(POSE, 0.4, np.radians(2.0)),)),)
+        tracker.known = tracker.layers[0].slices[0]
+        return tracker.localize(points)
+
+    # Nothing is settled at the beginning.
+    assert not scanned(1).feasible.violated
+    tracker.contradictions = 0
+    for _ in range(2):
+        step = scanned(20)
+        assert step.feasible.violated
+        assert step.estimate is None
+        assert np.ptp(tracker.known.polygons[0], axis=0).min() > 2 * 0.4 + 2.0
+    step = scanned(20)
+    assert not step.feasible.violated
+    assert step.feasible.bounds.contains(step.estimate.pose)
+
+
+def test_a_belief_that_no_point_speaks_for_contradicts_nothing(scene):
+    walls, _, points = scene
+    tracker = FacadeTracker(walls, Bounds.around(POSE, 0.4, np.radians(2.0)), None, FacadeSettings())
+    tracker.scans = 20
+    tracker.hypotheses = [Hypothesis(WallBelief.of_pose(POSE + np.array([6.0, 6.0, 0.0]), 1e-3 * np.eye(3)), 0.0)]
+    assert not tracker.localize(points).feasible.violated
