@@ -11,6 +11,7 @@ from factorloc.localization import CorrespondenceSettings, find_correspondences
 from factorloc.localization.correspondence import Correspondence, Correspondences
 from factorloc.localization.facade_strips import Frame, Strips
 from factorloc.localization.facade_tracker import Finder
+from factorloc.localization.line_groups import core_of
 from factorloc.localization.wall_lines import WallLines
 from factorloc.mapping.facade_points import FacadePoints
 from factorloc.result import Bounds
@@ -34,7 +35,7 @@ def are_true(found: tuple[Correspondence, ...], walls: WallLines, pose: Array) -
 
 
 def true_lines(scans: list[FacadePoints], poses: Array, settings: CorrespondenceSettings) -> Finder:
-    """Find correspondences as usual, leave false ones out and be sure of the others.
+    """Find correspondences as usual, leave false ones and false cores out and be sure of the others.
 
     Parameters
     ----------
@@ -51,8 +52,13 @@ def true_lines(scans: list[FacadePoints], poses: Array, settings: Correspondence
         usual = find_correspondences(points, walls, start, settings)
         if not usual.found:
             return usual
-        true = are_true(usual.found, walls, poses[number[id(points)]])
-        sure = (replace(one, doubt=_SURE, core=None) for one, kept in zip(usual.found, true, strict=True) if kept)
+        pose = poses[number[id(points)]]
+        true = are_true(usual.found, walls, pose)
+        cores = are_true(tuple(core_of(one) for one in usual.found), walls, pose)
+        sure = (
+            replace(one, doubt=_SURE, core=one.core if inside else None, core_doubt=_SURE)
+            for one, kept, inside in zip(usual.found, true, cores, strict=True) if kept
+        )  # fmt: skip
         return replace(usual, found=tuple(sure))
 
     return find

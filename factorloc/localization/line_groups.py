@@ -16,7 +16,7 @@ import numpy.typing as npt
 from factorloc.localization.correspondence import Correspondence
 from factorloc.localization.line_weights import PARTS, Weights, weights_of
 
-__all__ = ["LineGroups"]
+__all__ = ["LineGroups", "core_of"]
 
 Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int64]
@@ -62,7 +62,7 @@ class LineGroups:
         whole, part = _parted(doubts[which], np.array([cores[k].core_doubt for k in at]))
         weights = weights_of(doubts)
         weights[which] = whole - part
-        narrow = tuple(_core(one) for one in cores)
+        narrow = tuple(core_of(one) for one in cores)
         groups = np.concatenate([begin, len(lines) + at, [len(lines) + len(cores)]]).astype(np.int64)
         return cls((*lines, *narrow), len(lines), facades, doubts, groups, np.concatenate([weights, part]))
 
@@ -80,7 +80,9 @@ def _parted(doubts: Array, core_doubts: Array) -> tuple[Weights, Weights]:
     return whole.astype(np.int32), part.astype(np.int32)
 
 
-def _core(line: Correspondence) -> Correspondence:
-    assert line.core is not None
+def core_of(line: Correspondence) -> Correspondence:
+    """A line with the core of its hull for the hull; the line itself if it has none."""
+    if line.core is None:
+        return line
     alpha, d = line.core
     return replace(line, alpha=alpha, d=d)

@@ -55,5 +55,8 @@ def test_what_is_found_is_left_if_it_is_true(corner: tuple[WallLines, np.ndarray
     assert {one.facade for one in found.found} <= {one.facade for one in usual.found}
     assert all(one.doubt == 1e-6 for one in found.found)
     assert len(found.found) == are_true(usual.found, walls, pose).sum()
+    assert any(one.core is not None for one in found.found)
+    cored = [one for one in found.found if one.core is not None]
+    assert are_true(tuple(core_of(one) for one in cored), walls, pose).all()
     away = true_lines([points], pose[None] + np.array([5.0, 5.0, 0.0]), settings)(points, walls, start)
     assert len(away.found) < len(found.found)
