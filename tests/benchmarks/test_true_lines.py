@@ -10,6 +10,7 @@ from factorloc.geometry import se2
 from factorloc.intervals import Interval
 from factorloc.localization import CorrespondenceSettings, WallLines, find_correspondences
 from factorloc.localization.correspondence import Correspondence
+from factorloc.localization.line_groups import core_of
 from factorloc.mapping import Facades
 from factorloc.mapping.facade_points import FacadePoints, ScanErrors, facade_points
 from factorloc.result import Bounds
