@@ -169,7 +169,14 @@ def run_drive(
         for k, (step, bounds) in enumerate(zip(track.steps, track.result.bounds, strict=True)):
             found[kind].add(step, scans[k], lines, drive.poses[k], bounds, chosen, settings.one_direction)
         found[kind].seconds += [track.result.seconds / len(scans)] * len(scans)
-        found[kind].bounded[-len(scans) :] = list(track.result.trajectory.poses)
+        reported = list(track.result.trajectory.poses)
+        # Where a scan gave no estimate, the pose carried along by odometry is all there is, for both.
+        free = found[kind].unbounded[-len(scans) :]
+        lost = track.violated
+        found[kind].unbounded[-len(scans) :] = [
+            pose if gone else one for pose, one, gone in zip(reported, free, lost, strict=True)
+        ]
+        found[kind].bounded[-len(scans) :] = reported
         found[kind].particles += list(_by_particles(scans, drive.odometry, lines, middle, settings, kind))
     return found
 
