@@ -61,7 +61,7 @@ class CorrespondenceSettings(Block):
     core_threshold, core_turn : float, float
         The same two of the core of a hull: a line is more often there than in the rest.
     core_doubt : float
-        Probability that a line is in its hull but not in the core. On simulated streets 6 to 9 % are; more is assumed,
+        Probability that a line is in its hull but not in the core. On simulated streets 9 to 11 % are; more is assumed,
         as lines of one scan do not err independently.
     doubt : DoubtSettings
         How doubtful a line is.
