@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -133,7 +134,7 @@ class FacadeTracker:
         belief = self.belief
         away = bounds.nearest(belief.pose) - belief.pose
         away[2] = wrap(away[2])
-        sigmas = float(away @ np.linalg.solve(belief.covariance[:3, :3], away)) ** 0.5
+        sigmas = math.sqrt(max(float(away @ np.linalg.solve(belief.covariance[:3, :3], away)), 0.0))
         self.contradictions = self.contradictions + 1 if sigmas > settings.contradicted else 0
         if not 0 < self.contradictions <= settings.most_contradictions or self.scans < settings.settled:
             return False
