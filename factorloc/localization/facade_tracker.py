@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -10,7 +9,6 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
-from factorloc.geometry import wrap
 from factorloc.localization.bounded_least_squares import estimate_in_bounds
 from factorloc.localization.bounded_motion import propagate, widen
 from factorloc.localization.correspondence import Correspondences
@@ -132,9 +130,7 @@ class FacadeTracker:
         """
         settings = self.settings.hypotheses
         belief = self.belief
-        away = bounds.nearest(belief.pose) - belief.pose
-        away[2] = wrap(away[2])
-        sigmas = math.sqrt(max(float(away @ np.linalg.solve(belief.covariance[:3, :3], away)), 0.0))
+        sigmas = belief.sigmas_to(bounds.nearest(belief.pose))
         self.contradictions = self.contradictions + 1 if sigmas > settings.contradicted else 0
         if not 0 < self.contradictions <= settings.most_contradictions or self.scans < settings.settled:
             return False

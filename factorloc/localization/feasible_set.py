@@ -134,7 +134,7 @@ def intersect_pieces(
     lines = first.lines
     if first.failing > surprising_weight(weights_of(lines.doubts), lines.doubts, settings.surprise):
         nowhere = Bounds(hull_of_layers(every).orientation, ())
-        return FeasibleSet(nowhere, (), first.conflicts(), len(lines.facades), lead)
+        return FeasibleSet(nowhere, (), first.conflicts, len(lines.facades), lead)
     level = best - likely_depth([one.odds(best) for one in cells], settings.confidence)
     kept = [bounds for one in cells if (bounds := one.bounds_above(level)) is not None]
     headings = np.array([one.orientation for one in kept])
@@ -146,4 +146,4 @@ def intersect_pieces(
         Layer(cost, tuple(part for one in cells for part in one.slices_above(least)))
         for cost, least in zip(costs, levels, strict=False)
     )
-    return FeasibleSet(bounds, layers, first.conflicts(), len(lines.facades), lead)
+    return FeasibleSet(bounds, layers, first.conflicts, len(lines.facades), lead)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -102,7 +103,7 @@ class PoseCells:
     @property
     def failing(self) -> int:
         """Weight of the facades whose lines do not hold where the sum is largest, as if they had no cores."""
-        return int(weights_of(self.lines.doubts)[np.isin(self.lines.facades, self.conflicts())].sum())
+        return int(weights_of(self.lines.doubts)[np.isin(self.lines.facades, self.conflicts)].sum())
 
     def odds(self, best: int) -> Array:
         """Volumes of the cells (m^2 rad) by how far their sums are below the best of all pieces."""
@@ -148,6 +149,7 @@ class PoseCells:
         costs = zip(self.layers, self.costs, strict=True)
         return [one for layer, cost in costs if most - cost >= level for one in layer.slices]
 
+    @cached_property
     def conflicts(self) -> tuple[int, ...]:
         """Facades whose strips do not meet the best cell."""
         lines = self.lines

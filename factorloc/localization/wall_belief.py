@@ -90,12 +90,21 @@ class WallBelief:
 
     def at(self, pose: npt.ArrayLike) -> WallBelief:
         """Held at another pose, as bounds ask for: uncertain by what it was off, too."""
-        place = np.asarray(pose, np.float64)
-        away = place - self.pose
-        away[2] = wrap(away[2])
+        place, away = np.asarray(pose, np.float64), self._offset_to(pose)
         covariance = self.covariance.copy()
         covariance[:3, :3] += np.outer(away, away)
         return replace(self, pose=place, covariance=covariance)
+
+    def sigmas_to(self, pose: npt.ArrayLike) -> float:
+        """How many standard deviations of the pose another one is away."""
+        away = self._offset_to(pose)
+        # Rounding may leave a square just below zero.
+        return math.sqrt(max(float(away @ np.linalg.solve(self.covariance[:3, :3], away)), 0.0))
+
+    def _offset_to(self, pose: npt.ArrayLike) -> Array:
+        away = np.asarray(pose, np.float64) - self.pose
+        away[2] = wrap(away[2])
+        return away
 
     def limited_to(self, buildings: Rows, facades: Rows) -> WallBelief:
         """Of some buildings and facades only; what is known of the pose and of them stays."""
